@@ -91,7 +91,7 @@ class HeldMotion:
         """One note if the motion ended because no key was held for `IDLE_S`; otherwise empty."""
         if not self._idle_too_long:
             return ()
-        return (f"no key was held for {IDLE_S:g} s: the drives were disabled",)
+        return (f"nothing was held for {IDLE_S:g} s: the drives were disabled",)
 
     def prepare(self) -> None:
         """Do nothing."""

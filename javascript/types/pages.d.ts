@@ -259,6 +259,7 @@ interface JobView {
   pad: HoldPad | null;
   problem: string;
   question: Api.QuestionEvent | null;
+  recent: string[];
   results: Part[];
   share: number | null;
   verdicts: Part[];

@@ -42,7 +42,7 @@ class AxisTestRule(Enum):
 
     REQUIRED = "required"
     WAIVED = "waived"
-    HELD = "not needed: the robot moves only while a key is held"
+    HELD = "not needed: the robot moves only while a key or button is held"
 
 
 class SignedAxis(ConfigModel):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import resource
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from config.process.termination import ending_signals
 from rid_daq.live.live_page import listen_on
 from rid_daq.service.api.admission import Admission
 from rid_daq.service.api.app import make_api
+from rid_daq.service.api.run_index import run_index
 from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.front.front_link import FrontLink
 from rid_daq.service.logs import LOG
@@ -100,6 +102,9 @@ def serve_cells(
                 loop.add_signal_handler(number, until.set)
             ready(link, address)
             LOG.info("serving %s", ", ".join(service.cells))
+            threading.Thread(
+                target=run_index(service.runs).newest_first, name="runs", daemon=True
+            ).start()  # the first reading of many runs takes long
             over = asyncio.Event()
             serving = asyncio.create_task(server.serve([], over))
             front = FrontLink(service, server, access, [listener, local])

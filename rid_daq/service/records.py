@@ -147,11 +147,17 @@ class AuditEntry(Record):
 
 
 class CellState(StrEnum):
-    """State of a cell."""
+    """State of a cell.
+
+    While a job runs that can move the robot, the state is `moving` during its motions, `waiting`
+    while it waits for an answer, and `at rest` in between: the next motion can begin at any time.
+    """
 
     CLOSED = "closed"
     CHECKING = "checking"
     READY = "ready"
+    AT_REST = "at rest"
+    WAITING = "waiting"
     MOVING = "moving"
     STOPPING = "stopping"
     FAULT = "fault"

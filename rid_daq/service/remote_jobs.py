@@ -160,5 +160,6 @@ class _EventDisplay:
         if event.form == "yes_no":
             text = "yes" if self._console.confirm(event.text) else "no"
         else:
-            text = self._console.ask(event.text, str)
+            choices = [(each.label, each.text) for each in event.choices]
+            text = self._console.ask(event.text, str, choices)
         self.answer(job, event.question, text)

@@ -134,10 +134,8 @@ class CellService:
         running = self.job_runner.job_on_bus(cell.name)
         obstacle = self.readiness.obstacle(cell)
         fault = self.readiness.fault(cell)
-        if running is not None and not running.job.kind.operation.moves:
-            state = CellState.CHECKING
-        elif running is not None:
-            state = CellState.STOPPING if running.stopping else CellState.MOVING
+        if running is not None:
+            state = running.cell_state
         elif fault:
             state = CellState.FAULT
         else:

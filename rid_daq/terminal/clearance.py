@@ -66,7 +66,7 @@ def ask_clearance(
         )
     context.say(danger)
     answer = context.ask(
-        f"Is cell {cell} free of people? Confirm with the cell's name",
+        f"Is cell {cell} free of people?",
         str,
         ((f"Cell {cell} is free of people", cell), ("No", "no")),
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import click
 
 from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.context import KEYS, Controls
 from rid_daq.terminal.context import Progress as Progress
 from rid_daq.terminal.progress_bar import ProgressBar, format_count
 from rid_daq.terminal.text_wrapping import wrap_text
@@ -249,7 +250,7 @@ class Console:
 
         Args:
             understood: Returns the meaning of an answer; raises ConfigError for an invalid answer.
-            choices: Answers that a page shows as buttons: label and text of each.
+            choices: Answers, with label and text of each; a page shows them as buttons.
 
         Raises:
             PreflightError: The input ended without an answer.
@@ -261,7 +262,9 @@ class Console:
             except ConfigError as error:
                 raise click.BadParameter(str(error)) from None
 
-        answer: T = _answer(lambda: click.prompt(question, value_proc=meaning, err=True))
+        texts = ", ".join(f"{text} = {label}" for label, text in choices)
+        shown = f"{question} ({texts})" if texts else question
+        answer: T = _answer(lambda: click.prompt(shown, value_proc=meaning, err=True))
         return answer
 
     def confirm(self, question: str) -> bool:
@@ -271,6 +274,11 @@ class Console:
             PreflightError: The input ended without an answer.
         """
         return _answer(lambda: click.confirm(question, err=True))
+
+    @property
+    def controls(self) -> Controls:
+        """Words for the keys of a terminal."""
+        return KEYS
 
     def require_keys(self, *, simulated: bool) -> None:
         """Raise an error if keys cannot be held on this terminal, or not safely.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from acquisition.hold_to_run.dead_man_thread import KeySource
@@ -13,6 +14,26 @@ if TYPE_CHECKING:
     from rid_daq.terminal.job_events import MotionEvent, SessionState
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Words for the controls with which a user moves a robot: keys of a terminal, or buttons.
+
+    Attributes:
+        kind: Kind of control.
+        hold: Name of the control that must be held.
+        end: Name of the control that ends the motion.
+    """
+
+    kind: str
+    hold: str
+    end: str
+
+
+KEYS: Final = Controls("key", "SPACE", "q")
+BUTTONS: Final = Controls("button", "the button", "Finish")
+"""The buttons of `rid_daq/workbench/static/hold_pad.js`."""
 
 
 class Progress(Protocol):
@@ -87,6 +108,11 @@ class Context(Display, Protocol):
 
     def confirm(self, question: str) -> bool:
         """Ask the user for yes or no."""
+        ...
+
+    @property
+    def controls(self) -> Controls:
+        """Words for the controls that the user holds."""
         ...
 
     def require_keys(self, *, simulated: bool) -> None:

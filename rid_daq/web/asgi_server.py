@@ -211,10 +211,33 @@ class AsgiServer:
             return body_messages.pop() if body_messages else await receive()
 
         try:
-            async with self._scheduler.slot(connection.owner) as slot:
-                await self._call_application(connection, slot, scope, replay, send)
+            slot = await self._wait_for_slot(connection.owner, receive)
         except QueueFullError:
             await _send_refusal(send, HTTPStatus.TOO_MANY_REQUESTS, (b"retry-after", b"1"))
+            return
+        if slot is None:
+            return
+        try:
+            await self._call_application(connection, slot, scope, replay, send)
+        finally:
+            slot.release()
+
+    async def _wait_for_slot(self, owner: str, receive: Receive) -> Slot | None:
+        """Wait for a slot; return None if the client closes its connection first.
+
+        Otherwise requests that a page has given up would fill the queue of their owner.
+
+        Raises:
+            QueueFullError: Too many requests of this owner wait already.
+        """
+        waiting = asyncio.create_task(self._scheduler.acquire(owner))
+        gone = asyncio.ensure_future(receive())
+        await asyncio.wait((waiting, gone), return_when=asyncio.FIRST_COMPLETED)
+        if gone.done() and not waiting.done() and gone.result()["type"] == "http.disconnect":
+            waiting.cancel()
+            return None
+        gone.cancel()
+        return await waiting
 
     async def _call_application(
         self,

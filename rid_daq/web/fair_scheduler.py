@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections import Counter, OrderedDict, deque
-from collections.abc import AsyncIterator
 from typing import Final
 
 AT_ONCE: Final = 24
@@ -60,15 +59,6 @@ class FairScheduler:
                     del self._waiting[key]
             raise
         return Slot(self, key)
-
-    @contextlib.asynccontextmanager
-    async def slot(self, key: str) -> AsyncIterator[Slot]:
-        """Hold a slot inside the `async with` block, or until it is released."""
-        slot = await self.acquire(key)
-        try:
-            yield slot
-        finally:
-            slot.release()
 
     def release(self, key: str) -> None:
         """Release a slot; the next owner in the rotation receives it."""

@@ -67,7 +67,7 @@ class FormField:
         return cls(
             path=".".join(shown.path),
             label=f"{name.replace('_', ' ').replace('-', ' ')}{unit}",
-            hint=str(shown.info.description).replace("`", ""),
+            hint=str(shown.info.description),
             kind="choice" if choices else _KINDS.get(element, "text"),
             many=many,
             default=str(default) if known else "",

@@ -41,7 +41,7 @@ async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
     return visit.page(
         "operation.html",
         operation=shown,
-        description=str(inspect.getdoc(shown.request)).replace("`", "").split("\n\n"),
+        description=str(inspect.getdoc(shown.request)).split("\n\n"),
         needs=_needs(shown),
         sections=form_sections(shown),
         known=[each for group in lists for each in group],

@@ -19,6 +19,7 @@ from rid_daq.blocks.block import AnyBlock, Table, Text
 from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
+from rid_daq.terminal.context import BUTTONS, Controls
 from rid_daq.terminal.job_events import (
     AnswerEvent,
     AnyEvent,
@@ -101,11 +102,11 @@ class JobConsole(Console):
 
     def say(self, text: str = "") -> None:
         """Write a message."""
-        self.events.write(MessageEvent(at_s=time.time(), text=make_printable(text)))
+        self.events.write(MessageEvent(at_s=time.time(), text=_shown(text)))
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write a verdict."""
-        self.events.write(VerdictEvent(at_s=time.time(), passed=passed, text=make_printable(text)))
+        self.events.write(VerdictEvent(at_s=time.time(), passed=passed, text=_shown(text)))
 
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
@@ -176,6 +177,11 @@ class JobConsole(Console):
         """
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
 
+    @property
+    def controls(self) -> Controls:
+        """Words for the buttons of the pages."""
+        return BUTTONS
+
     def require_keys(self, *, simulated: bool) -> None:
         """Raise no error: a button of the page is the key, and the page answers challenges."""
 
@@ -229,10 +235,18 @@ def _for_events(block: AnyBlock) -> AnyBlock:
     return block.as_texts() if isinstance(block, Table) else block
 
 
+def _shown(text: str) -> str:
+    """Return a text with visible control characters, and paths as clients name them.
+
+    A job runs in the service's folder, and clients name files relative to it.
+    """
+    return make_printable(text).replace(f"{Path.cwd()}/", "")
+
+
 def _printable(value: Any) -> Any:
-    """Return a value whose texts show their control characters."""
+    """Return a value with the texts that clients see."""
     if isinstance(value, str):
-        return make_printable(value)
+        return _shown(value)
     if isinstance(value, dict):
         return {key: _printable(each) for key, each in value.items()}
     return [_printable(each) for each in value] if isinstance(value, (list, tuple)) else value

@@ -31,10 +31,10 @@ from config.process.safety_clock import safety_now_s
 REPORT_INTERVAL_S: Final = 0.5
 """Minimum time between two explanations why a key does not count [s]."""
 
-_AGAIN: Final = "release the key and press it again"
+_AGAIN: Final = "release the button and press it again"
 _REFUSALS: Final = {
-    KeyVerdict.UNRELEASED: f"the key was held too early: {_AGAIN}",
-    KeyVerdict.ELSEWHERE: "another page or program holds a key: that key must be released first",
+    KeyVerdict.UNRELEASED: f"the button was held too early: {_AGAIN}",
+    KeyVerdict.ELSEWHERE: "another page or program holds a button: that one must be released first",
     KeyVerdict.TAP_LOST: "a choice arrived too late and was ignored: choose again, then press",
 }
 _CODES: Final = {
@@ -168,8 +168,8 @@ class Orders:
         age_s = self._key.end_expired_press(now_s)
         if age_s is not None:
             self._say(
-                f"link too slow: no fresh message from the held key for {1e3 * age_s:.0f} ms (one"
-                f" is needed every {1e3 * DEAD_MAN_S:.0f} ms): {_AGAIN}",
+                f"link too slow: no fresh message from the held button for {1e3 * age_s:.0f} ms"
+                f" (one is needed every {1e3 * DEAD_MAN_S:.0f} ms): {_AGAIN}",
                 age_s,
             )
 
@@ -185,7 +185,7 @@ class Orders:
                 f"link too slow: round-trip time {1e3 * round_trip_s:.0f} ms, at most"
                 f" {limit_ms:.0f} ms is allowed"
             )
-        self._say(f"{why}: the key does not count; {_AGAIN}", round_trip_s)
+        self._say(f"{why}: the button does not count; {_AGAIN}", round_trip_s)
 
     def _say(self, text: str, round_trip_s: float | None) -> None:
         """Report why a key does not count: at most once per press and per `REPORT_INTERVAL_S`."""

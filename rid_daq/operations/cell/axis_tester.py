@@ -160,8 +160,8 @@ class AxisTester:
             if line is not None and travelled_fraction(line, rows, number) >= LEAST_SHARE:
                 break
             self._context.say(
-                f"{name}: the key was released too early to judge the motion; the"
-                " axis is tested again."
+                f"{name}: the {self._context.controls.kind} was released too early to judge the"
+                " motion; the axis is tested again."
             )
         motion = AxisMotion.of(rows, self._robot, number)
         observed = None
@@ -194,8 +194,10 @@ class AxisTester:
             amount = self._line.goal[number] - pose[number]
             self._context.say(f"{direction_words(self._robot, pose, number, amount)}.")
             if not self._unattended:
+                controls = self._context.controls
                 self._context.say(
-                    "Hold SPACE until the axis stops, and watch the robot; q ends the test."
+                    f"Hold {controls.hold} until the axis stops, and watch the robot;"
+                    f" {controls.end} ends the test."
                 )
 
         def tapped(key: str) -> bool:
@@ -256,8 +258,7 @@ class AxisTester:
             return word
 
         way = self._context.ask(
-            f"Did {motion.joint} move as announced (+), in the opposite direction (-), did"
-            " nothing move (0), or did another joint move (type its name)?",
+            f"How did {motion.joint} move?",
             which,
             [
                 ("As announced", "+"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from acquisition.hold_to_run.line import HoldLine, LineCheck
@@ -18,8 +16,8 @@ from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, open_session
+from rid_daq.terminal.context import KEYS
 
-READY: Final = "Ready: hold the key."
 FORTH, BACK, HOME, QUIT, HOLD = "+", "-", "h", "q", " "
 
 
@@ -54,7 +52,8 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
             assert home is not None
             return record_held(session, context, _home_run(request, loaded, home, check, context))
         jogging = JogKeys(loaded.robot, home, check, context)
-        context.say(jogging.help)
+        if context.controls is KEYS:
+            context.say(jogging.help)
         return record_held(
             session,
             context,
@@ -64,7 +63,7 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
                 "jog",
                 plan=jogging.line,
                 tapped=jogging.tapped,
-                ready=lambda _pose: context.say(READY),
+                ready=lambda _pose: _say_ready(context),
             ),
         )
 
@@ -72,7 +71,10 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
 def _home_run(
     request: JogRequest, loaded: LoadedCell, home: FloatArray, check: LineCheck, context: Context
 ) -> HeldRun:
-    context.say("Hold SPACE to go to the home pose, release it to stop; q ends.")
+    controls = context.controls
+    context.say(
+        f"Hold {controls.hold} to go to the home pose, release it to stop; {controls.end} ends."
+    )
 
     def line(key: str, pose: FloatArray) -> HoldLine | None:
         return (
@@ -88,8 +90,12 @@ def _home_run(
         plan=line,
         tapped=lambda key: key == QUIT,
         until=home,
-        ready=lambda _pose: context.say(READY),
+        ready=lambda _pose: _say_ready(context),
     )
+
+
+def _say_ready(context: Context) -> None:
+    context.say(f"Ready: hold the {context.controls.kind}.")
 
 
 class JogKeys:

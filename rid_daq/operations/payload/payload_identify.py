@@ -198,7 +198,7 @@ class PayloadIdentifyRequest(Request):
         BeforeValidator(_of_percent),
         Field(
             description="Standard deviation of each torque constant, as a fraction of its value"
-            " (in percent on the command line). It widens the intervals. Default: 1 %; `apart`"
+            " (in percent in a terminal). It widens the intervals. Default: 1 %; `apart`"
             " treats torque constants as exact."
         ),
         Option(group=PAYLOADS, metavar="PERCENT"),

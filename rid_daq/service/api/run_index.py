@@ -75,16 +75,28 @@ class RunIndex:
     def __init__(self, root: Path) -> None:
         self._root = root
         self._entries: dict[str, tuple[_Stamp, RunEntry | None]] = {}
+        self._newest_first: Sequence[RunEntry] = []
         self._lock = threading.Lock()
+        self._scans = 0  # number of scans that have begun
 
     def newest_first(self) -> Sequence[RunEntry]:
-        """Return the runs, newest first; a folder with another run's manifest is left out."""
-        root = self._root.resolve()
+        """Return the runs, newest first; a folder with another run's manifest is left out.
+
+        Calls that wait at the same time share one scan of the folder, which begins after them.
+        """
+        before = self._scans
         with self._lock:
-            present = {name: self._entry_of(root, name) for name in self._run_names()}
-            self._entries = {name: each for name, each in present.items() if each is not None}
-            found = [(name, each[1]) for name, each in self._entries.items()]
-        return [entry for _, entry in sorted(found, reverse=True) if entry is not None]
+            if self._scans <= before:
+                self._scan()
+            return self._newest_first
+
+    def _scan(self) -> None:
+        self._scans += 1
+        root = self._root.resolve()
+        present = {name: self._entry_of(root, name) for name in self._run_names()}
+        self._entries = {name: each for name, each in present.items() if each is not None}
+        found = sorted(self._entries.items(), reverse=True)
+        self._newest_first = [entry for _, (_, entry) in found if entry is not None]
 
     def _run_names(self) -> list[str]:
         try:

@@ -17,7 +17,7 @@ from acquisition.task.ring import Ring
 from rid_daq.blocks.block import Verdict
 from rid_daq.live.base_wrench import LiveWrench
 from rid_daq.live.picture import MotionPicture, ShownMotion
-from rid_daq.service.records import Job
+from rid_daq.service.records import CellState, Job
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.signals.signal_bins import SignalBins
 from rid_daq.service.signals.signal_reader import SignalReader
@@ -157,6 +157,17 @@ class RunningJob:
         writer = self.process.stdin
         if writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
             self.send_order(**order)
+
+    @property
+    def cell_state(self) -> CellState:
+        """State of the cell whose bus the job uses."""
+        if not self.job.kind.operation.moves:
+            return CellState.CHECKING
+        if self.stopping:
+            return CellState.STOPPING
+        if self._find_control() is not None or self.wants_key:
+            return CellState.MOVING
+        return CellState.AT_REST if self.question is None else CellState.WAITING
 
     @property
     def wants_key(self) -> bool:

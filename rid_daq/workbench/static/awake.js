@@ -1,11 +1,11 @@
-// Keeps the screen on while this page holds the cell and the cell moves: a sleeping device cannot renew the lease.
+// Keeps the screen on while this page holds the cell and a job can move it: a sleeping device cannot renew the lease.
 import { lease, now, on } from "./service.js";
 
 /** @type {WakeLockSentinel | null} */
 let lock = null;
 let asking = false;
 
-const wanted = () => lease.key !== null && now.status?.state === "moving" && document.visibilityState === "visible";
+const wanted = () => lease.key !== null && now.status?.job != null && document.visibilityState === "visible";
 
 async function keep() {
   if (asking || !navigator.wakeLock) return;

@@ -5,6 +5,7 @@ import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
 import { loadPreflight } from "./preflight.js";
+import { LIST_MS } from "./requests.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
 import { CELL, OLD_MS, ask, on, page, preflightAge, reach } from "./service.js";
@@ -50,8 +51,9 @@ function next(job) {
   if (job.kind === "plate_zero" && job.document?.verdict?.passed && job.run) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
-  if (job.state !== "done") return [again("Check", actions.check)];
-  return [];
+  if (job.state === "done") return [];
+  const isReady = status !== null && status.not_held_because === "" && job.kind in actions;
+  return isReady ? [again(`${kindWords(job.kind)} again`, actions[job.kind])] : [again("Check", actions.check)];
 }
 
 // During an axis test, the 3-D view shows the positive direction of the joint that is tested.
@@ -81,7 +83,8 @@ async function refresh() {
 
 async function loadRuns() {
   try {
-    const { groups } = await ask("GET", `/run-groups?limit=5&cell=${encodeURIComponent(page.cell)}`);
+    if (!status) render(html`<p class="soft">Loading the runs …</p>`, find("last-runs"));
+    const { groups } = await ask("GET", `/run-groups?limit=5&cell=${encodeURIComponent(page.cell)}`, undefined, LIST_MS);
     render(groups.length ? runTable(groups) : html`<p class="soft">No runs yet.</p>`, find("last-runs"));
   } catch (error) {
     render(html`<p class="problem">${error.message}</p>`, find("last-runs"));
@@ -97,7 +100,9 @@ function showState() {
   let text = "", kind = "";
   if (!reach.values && !reach.requests) [text, kind] = ["Unknown: the service does not answer.", "bad"];
   else if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
-  else if (status.state === "moving") text = `The robot moves: ${what}, by ${job?.owner}.`;
+  else if (status.state === "moving") text = `The robot moves, or can move at once: ${what}, by ${job?.owner}.`;
+  else if (status.state === "at rest") text = `Nothing moves now, but a motion can begin at any time: ${what}, by ${job?.owner}.`;
+  else if (status.state === "waiting") text = `Nothing moves: ${what}, by ${job?.owner}, waits for an answer.`;
   else if (status.state === "stopping") text = "The robot is being stopped.";
   else if (status.state === "checking") text = `Nothing moves: ${what} is running.`;
   else if (status.state === "ready") {

@@ -1,7 +1,8 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
 import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
-import { html } from "./lit.js";
+import { html, nothing, render } from "./lit.js";
+import { loadInto } from "./loading.js";
 import { showChosenPlan } from "./planned_view.js";
 import { on } from "./service.js";
 import { modelOf, motionRuns, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
@@ -22,6 +23,7 @@ const STEPS = {
 
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
+  if (job.state === "done" && job.kind === "record" && !job.request.feedforward) return [STEPS.compensate];
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind === "loop" && job.document) return [step("loops-part", "What to do")];
   if (job.kind !== "refine" || !job.document) return [];
@@ -35,7 +37,8 @@ const selectAfter = /** @type {HTMLSelectElement} */ (find("after"));
 
 /** @type {(newest?: string | null) => Promise<void>} */
 async function showRuns(newest = null) {
-  const runs = await motionRuns();
+  const runs = await loadInto(find("runs-state"), "runs", motionRuns);
+  render(nothing, find("runs-state"));
   /** @type {(chosen: Api.RunEntry[]) => { value: string, words: string }[]} */
   const list = (chosen) => chosen.map((run) => ({ value: run.id, words: runWords(run) }));
   for (const select of /** @type {NodeListOf<HTMLSelectElement>} */ (document.querySelectorAll("select.runs"))) options(select, list(runs));
@@ -124,20 +127,22 @@ function begun() {
 async function ended(job) {
   if (job.kind === "loop" && job.document) {
     const { document } = job;
-    await showLoops(document.run);
+    showLoops(document.run);
     const run = [...find("loop-run").options].find((option) => option.value === document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
   if (job.kind === "retime" && job.document) offer(find("motion"), job.document.motion);
   if ((job.kind === "compensate" || job.kind === "refine") && job.document) offer(find("feedforward"), job.document.feedforward);
   if (job.kind === "tracking" && job.document) {
-    await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
     find("path-title").scrollIntoView({ block: "start" });
+    await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
   }
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);
 }
 
 on("again", () => showRuns());
+const wantedMotion = wanted.get("motion");
+if (wantedMotion) offer(find("motion"), wantedMotion);
 showChosenPlan(find("view"), find("motion"));
 await showRuns();
 const first = wanted.get("run");

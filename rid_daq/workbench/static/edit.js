@@ -35,8 +35,10 @@ const builder = plan && new PoseBuilder(plan, setText);
 const isChanged = () => text.value !== saved;
 
 // ---- text, with the numbers of its lines
+const isNew = () => base.value === "" && text.value.trim() === ""; // an empty new file has no errors yet
+
 function showLines() {
-  const wrong = new Set(checked?.problems.map(({ line }) => line));
+  const wrong = new Set(isNew() ? [] : checked?.problems.map(({ line }) => line));
   const count = text.value.split("\n").length;
   /** @type {(i: number) => Part} */
   const number = (i) => html`<span class=${wrong.has(i) ? "wrong" : ""}>${wrong.has(i) ? "✗ " : ""}${i}</span>`;
@@ -110,8 +112,7 @@ function checkLater() {
 }
 
 function showProblems() {
-  const isNew = base.value === "" && text.value.trim() === "";
-  const { problems, cell_problems: unfit } = isNew || !checked ? { problems: [], cell_problems: [] } : checked;
+  const { problems, cell_problems: unfit } = isNew() || !checked ? { problems: [], cell_problems: [] } : checked;
   /** @type {(each: Api.FileProblem) => Part} */
   const place = (each) => (each.file === "" && each.line !== null
     ? html`<button type="button" @click=${() => goTo(each)}>Line ${each.line}</button> ` : html`<b>${each.file} ${each.line ?? ""}</b> `);

@@ -1,9 +1,8 @@
 // Page Experiment: choose or design a motion, show it, rehearse it and record it.
 import { addressOf, find } from "./dom.js";
 import { JobPanel, afterCheck } from "./job_panel.js";
-import { html, render } from "./lit.js";
+import { html } from "./lit.js";
 import { showChosenPlan } from "./planned_view.js";
-import { newest } from "./requests.js";
 import { CELL, go, on, page } from "./service.js";
 import { blocksUrl, modelOf, motionRuns, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
@@ -32,10 +31,11 @@ const panel = new JobPanel(find("job"), {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const { motion: driven } = /** @type {{ motion?: string }} */ (job.request.options ?? {});
-    const kind = [...motion.options].find((option) => option.value === driven)?.dataset.kind?.replaceAll("-", "_");
+    const kind = [...motion.options].find((option) => option.value === job.request.motion)?.dataset.kind?.replaceAll("-", "_");
     const [path, words] = NEXT[kind ?? ""] ?? ["identify", "Identify this run"];
     const own = `${path}?run=${run}`;
+    if (kind === "path" || kind === "circle")
+      return [step(`compensation?motion=${encodeURIComponent(String(job.request.motion))}`, "Compensate this path", "main"), step(own, words, false)];
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];
     const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
     const isCheck = kind === "validation" || kind === "multipoint"; // `init` writes a multipoint motion for the validation
@@ -57,25 +57,14 @@ const panel = new JobPanel(find("job"), {
 });
 
 // ---- the motion and its plots
-const replacing = newest();
-
-/** @type {() => Promise<void>} */
-async function showMotion() {
-  const signal = replacing();
-  const [place, problem] = [find("picture"), find("motion-problem")];
+function showMotion() {
   find("no-motion").hidden = motion.options.length > 0;
-  problem.textContent = "";
+  find("motion-problem").textContent = "";
   find("edit").hidden = !motion.value;
   if (!motion.value) return;
   find("edit").href = `${CELL}/edit/${addressOf(motion.value)}`;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
-  try {
-    await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...modelOf() }), { signal });
-  } catch (error) {
-    if (signal.aborted) return;
-    render([], place);
-    problem.textContent = error.message;
-  }
+  showBlocks(find("picture"), blocksUrl(`${CELL}/motion`, { file: motion.value, ...modelOf() }), { what: "motion" });
 }
 
 motion.addEventListener("change", showMotion);

@@ -3,6 +3,7 @@ import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, keyed, live, render } from "./lit.js";
+import { loadInto } from "./loading.js";
 import { on } from "./service.js";
 import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
@@ -19,8 +20,9 @@ const chosenRuns = () => [.../** @type {NodeListOf<HTMLInputElement>} */ (docume
 /** @type {Api.RunEntry[]} */
 let runs = [];
 async function showRuns() {
-  runs = (await completeRuns()).filter((run) => MEASURE.has(run.motion));
-  const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
+  const before = chosenRuns();
+  runs = (await loadInto(find("runs"), "runs", completeRuns)).filter((run) => MEASURE.has(run.motion));
+  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   find("no-runs").hidden = runs.length > 0;
   find("runs").hidden = runs.length === 0;
@@ -39,8 +41,8 @@ press("measure", panel, "friction", () => {
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   find("result-card").hidden = false;
-  await showRun(find("result"), run, "friction");
   find("result-title").scrollIntoView({ block: "start" });
+  await showRun(find("result"), run, "friction");
 }
 
 /** @type {(job: EndedJob) => Promise<void>} */

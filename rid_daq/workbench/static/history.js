@@ -6,4 +6,4 @@ import { blocksUrl, showBlocks } from "./work.js";
 const quantity = find("quantity");
 
 quantity.addEventListener("change", () => go(`?${new URLSearchParams({ quantity: quantity.value })}`));
-showBlocks(find("history"), blocksUrl(`${CELL}/history`, { quantity: quantity.value }));
+showBlocks(find("history"), blocksUrl(`${CELL}/history`, { quantity: quantity.value }), { what: "history" });

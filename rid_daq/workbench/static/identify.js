@@ -3,6 +3,7 @@ import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, keyed, live, render } from "./lit.js";
+import { loadInto } from "./loading.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
 import { fileLink, findings, look, motionRuns, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
@@ -133,9 +134,10 @@ async function check() {
 }
 
 async function showRuns() {
-  runs = await motionRuns();
+  const before = chosenRuns();
+  runs = await loadInto(find("runs"), "runs", motionRuns);
   find("no-runs").hidden = runs.length > 0;
-  const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
+  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   render(runs.map((run) => keyed(run.id, html`<label><input type="checkbox" name="run" value=${run.id} .checked=${live(chosen.includes(run.id))}>
     ${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}</label>`)), find("runs"));
@@ -170,8 +172,9 @@ async function ended(job) {
     if (run === null) {
       solvedWith = null;
       stage("result", "bad");
-    } else await showResult(run);
+    }
     show();
+    if (run !== null) await showResult(run);
   }
   if (job.kind === "validate" && job.document) await showValidation(String(job.request.run));
   if (job.kind === "export" && job.document) {
@@ -186,11 +189,10 @@ const runOf = (path) => path.split("/").at(-2) ?? "";
 
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
-  const place = find("result");
-  const blocks = await showRun(place, run, "estimate", "comparison", "curves");
+  find("no-result").hidden = true;
+  const blocks = await showRun(find("result"), run, "estimate", "comparison", "curves");
   if (blocks === null) return;
   model = { run, path: `runs/${run}/model.json` };
-  find("no-result").hidden = true;
   find("after").hidden = false;
   stage("result", blocks.some((block) => block.kind === "verdict" && block.passed === false) ? "bad" : "done");
   const used = new Set(chosenRuns());
@@ -207,8 +209,8 @@ press("validate", panel, "validate", async () => {
 
 /** @type {(run: string) => Promise<void>} */
 async function showValidation(run) {
-  await showRun(find("validation"), run, "verdict", "validation", "curves");
   find("validation").scrollIntoView({ block: "start" });
+  await showRun(find("validation"), run, "verdict", "validation", "curves");
 }
 
 press("export", panel, "export", async () => {
@@ -220,6 +222,6 @@ press("export", panel, "export", async () => {
 on("again", showRuns);
 stage("solve", "wait");
 stage("result", "wait");
-await showRuns().catch((error) => find("no-runs").replaceChildren(error.message));
+await showRuns();
 const [first] = wanted.getAll("run");
 if (first && runs.find((run) => run.id === first)?.files.includes("model.json")) await showResult(first);

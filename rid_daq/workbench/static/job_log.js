@@ -1,6 +1,8 @@
 // Messages of a job. New lines are added in batches. The lines of a long log are grouped, and the browser lays out only
 // the groups that are visible. The time for a new line is therefore independent of the log's length.
+import { linked } from "./commands.js";
 import { element } from "./dom.js";
+import { render } from "./lit.js";
 
 const PART_LINES = 200;
 const NEAR_PX = 40; // if the user has scrolled to within this distance of the end, the log scrolls to each new line
@@ -16,7 +18,9 @@ export class JobLog {
 
   /** @type {(tag: "p" | "h3", text: string, kind?: string | null) => void} */
   say(tag, text, kind) {
-    this.waiting.push(element(tag, { class: kind }, text));
+    const line = element(tag, { class: kind });
+    render(linked(text), line);
+    this.waiting.push(line);
   }
 
   get isEmpty() {

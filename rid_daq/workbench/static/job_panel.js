@@ -15,6 +15,7 @@ const ENDS = {
   done: ["good", "done"], failed: ["bad", "failed"], stopped: ["bad", "stopped"], interrupted: ["bad", "interrupted"],
 };
 const BEGIN_MS = 30000; // timeout for starting a job: the service answers only after it has saved the job and the job's worker runs
+const MOST_RECENT = 3; // messages of the present step that are shown above a question
 const URGENT = { urgent: true }; // a request for a job's events must not wait until lists and figures are loaded
 /** @type {(job: Api.Job) => boolean} */
 const over = (job) => job.state in ENDS;
@@ -34,7 +35,7 @@ export function afterCheck(job, start) {
 /** @type {() => JobView} */
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), share: 0, count: "", left: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
+  log: new JobLog(), recent: [], share: 0, count: "", left: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
 });
 
 // The options are functions. `next(job)` returns links that are shown when a job has ended. `begun(job)` is called when a
@@ -216,7 +217,7 @@ export class JobPanel {
     view.known += 1;
     view.last = event.kind;
     switch (event.kind) {
-      case "said": if (event.text) this.say("p", event.text); break;
+      case "said": if (event.text) this.takeMessage(event.text); break;
       case "key_refused": this.say("p", event.text, "problem"); break;
       case "state": this.beginPart(event.text, event.text); break;
       case "motion": this.beginPart(event.title, view.words ? "" : view.count); break;
@@ -256,11 +257,17 @@ export class JobPanel {
     this.update();
   }
 
+  /** @type {(text: string) => void} */
+  takeMessage(text) {
+    this.say("p", text);
+    this.view.recent = [...this.view.recent, text].slice(-MOST_RECENT);
+  }
+
   // A step of the session or a motion begins: the progress of the one before it no longer applies.
   /** @type {(text: string, count: string) => void} */
   beginPart(text, count) {
     this.say("h3", text);
-    Object.assign(this.view, { share: null, words: "", count, left: "", estimate: "" });
+    Object.assign(this.view, { share: null, words: "", count, left: "", estimate: "", recent: [] });
   }
 
   /** @type {(event: Api.ProgressEvent) => void} */
@@ -317,7 +324,8 @@ export class JobPanel {
     const buttons = form === "yes_no" ? [{ text: "yes", label: "Yes" }, { text: "no", label: "No" }] : choices ?? [];
     const answers = buttons.map((each) => html`<button type="button" class="answer" @click=${() => this.answer(each.text)}>${each.label}</button>`);
     return [
-      text ? html`<p class="question">${text}</p>` : nothing,
+      this.view.recent.map((each) => html`<p>${linked(each)}</p>`),
+      text ? html`<p class="question">${linked(text)}</p>` : nothing,
       lease.key ? nothing : html`<p class="problem">Only the holder of the cell can answer: take the cell first.</p>`,
       form === "hold" ? this.view.pad?.pad
         : answers.length ? html`<div class="answers">${answers}</div>`
@@ -352,7 +360,7 @@ export class JobPanel {
     if (end && first instanceof Node) return { ...end, isRunning: false, steps: [html`<button type="button" class="main" @click=${show}>Show the next step</button>`] };
     if (end) return { ...end, isRunning: false, steps: first ? [first] : [] };
     const step = question
-      ? html`<button type="button" class="main" @click=${show}>Answer the question</button>`
+      ? html`<button type="button" class="main" @click=${show}>${question.form === "hold" ? "Show the buttons" : "Answer the question"}</button>`
       : html`<button type="button" @click=${show}>Show</button>`;
     return { isRunning: true, words: kindWords(job.kind), count: question?.text || count, left: question ? "" : left, share, steps: [step] };
   }
@@ -370,7 +378,7 @@ export class JobPanel {
     return html`
       <div class="job-head"><h2>${kindWords(job.kind)}</h2>
         <button type="button" ?hidden=${over(job)} @click=${() => this.cancel()}>End this job</button></div>
-      <div class="way" ?hidden=${over(job)}>
+      <div class="way" ?hidden=${over(job) || (view.question && view.question.form !== "hold")}>
         <progress max="1" aria-label="progress" value=${view.share ?? nothing}></progress>
         <p class="count number">${[count, view.left].filter(Boolean).join(" · ")}</p>
         <p class="estimate number" ?hidden=${!estimate}>${estimate}</p>

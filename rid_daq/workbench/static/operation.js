@@ -1,9 +1,16 @@
 // Form of an operation. The page sends the form's content as a request, and the service checks the request.
+import { linked } from "./commands.js";
 import { element, find, parseNumber } from "./dom.js";
 import { refuseField } from "./fields.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
+
+for (const place of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-linked]"))) {
+  const text = place.textContent;
+  place.replaceChildren();
+  render(linked(text), place);
+}
 
 const form = find("operation");
 if (form) show();

@@ -6,9 +6,11 @@ import { doubtField } from "./fields.js";
 import { JobPanel, afterCheck, withResult } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
+import { problemOf } from "./loading.js";
+import { LIST_MS } from "./requests.js";
 import { RobotView } from "./robot_view.js";
 import { CELL, ask, on, page } from "./service.js";
-import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
+import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, showRun, wanted } from "./work.js";
 
 /** @type {Record<string, string>} */
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
@@ -188,7 +190,7 @@ press("check", panel, "check", () => panel.begin("check"));
 async function showSessions() {
   let interrupted, finished;
   try {
-    ({ interrupted, finished } = /** @type {Api.CellSessions} */ (await look(`${CELL}/payload/sessions`)));
+    ({ interrupted, finished } = /** @type {Api.CellSessions} */ (await look(`${CELL}/payload/sessions`, { patienceMs: LIST_MS })));
   } catch (error) {
     render(problemOf(error), find("interrupted"));
     return;
@@ -251,10 +253,13 @@ function saidAnew() {
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   const showing = ++showings;
+  session = null;
+  for (const id of /** @type {const} */ (["papers", "after", "view"])) find(id).hidden = true;
+  render([], find("values"));
   find("result-card").hidden = false;
+  history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   const blocks = await showRun(find("result"), run, "verdict");
   if (blocks === null || showing !== showings) return;
-  history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
   const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
   find("papers").hidden = false;
@@ -272,10 +277,14 @@ async function showResult(run) {
 // Show the newest certificate, load data and comparison that were made from the session, also after a reload.
 async function showPapers() {
   const shown = session;
-  const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
-  for (const kind of Object.keys(PAPERS)) {
-    const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
-    if (job) await loadPaper(job);
+  try {
+    const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
+    for (const kind of Object.keys(PAPERS)) {
+      const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
+      if (job) await loadPaper(job);
+    }
+  } catch (error) {
+    render(problemOf(error), find("certificate"));
   }
 }
 

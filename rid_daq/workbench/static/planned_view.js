@@ -66,8 +66,10 @@ function showPlan(section, getMotion) {
     if (!isSame) close();
     filesHash = now.status?.files_hash ?? "";
     try {
-      const found = await getMotion(signal);
-      if (found === null) return;
+      const asked = getMotion(signal);
+      if (asked === null) return;
+      if (!isSame) player.nearest.textContent = "The motion is being prepared …";
+      const found = await asked;
       filesHash = found.files_hash;
       chosen = null;
       player.open(found);

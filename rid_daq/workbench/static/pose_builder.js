@@ -1,5 +1,5 @@
 // Poses that are chosen with sliders next to the 3-D view. The service writes the text of the motion from them.
-import { element, find, parseNumber } from "./dom.js";
+import { breakable, element, find, parseNumber } from "./dom.js";
 import { refuseField } from "./fields.js";
 import { html, render } from "./lit.js";
 import { newest, post } from "./requests.js";
@@ -68,7 +68,7 @@ export class PoseBuilder {
       else set(value);
     });
     const place = element("span", { class: "pose-value" }, field, ` ${unit}`);
-    find("sliders").append(element("div", { class: "pose-joint" }, element("b", {}, name), slider, place));
+    find("sliders").append(element("div", { class: "pose-joint" }, element("b", {}, ...breakable(name)), slider, place));
     return { slider, field, factor };
   }
 
@@ -119,7 +119,7 @@ export class PoseBuilder {
       ${button("Replace", i, () => this.change(replaced(i)))}
       ${button("Earlier", i, () => this.change(earlier(i)), i === 0)}
       ${button("Remove", i, () => this.change(without(i)), this.points.length === 1)}</span></li>`;
-    render(this.points.length > 0 ? this.points.map(row) : html`<li class="soft">No pose yet.</li>`, find("pose-list"));
+    render(this.points.length > 0 ? this.points.map(row) : html`<p class="soft">No pose yet.</p>`, find("pose-list"));
   }
 
   /** @type {(i: number) => void} */

@@ -1,5 +1,6 @@
 // Sends requests to the service. Their duration and number are limited, so that they never delay a stop request.
 
+export const LIST_MS = 60000; // timeout of lists: after its start, the service first reads every run
 const AT_ONCE = 3; // a browser opens at most six connections; STOP and the heartbeat need the other three
 
 // A request that was refused or not answered; `message` is a sentence for the user.

@@ -10,6 +10,7 @@ const DOWN = new Vector3(0, 0, -1);
 const NEAR_LIMIT = 0.03; // of the range
 const HARDLY_MOVED = 1e-3; // of the reach
 const FRAME_SHARE = 1.3; // length of a frame's arrows, as a multiple of the size of the marks
+const PATIENCE_MS = 5000;
 const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "wrench", "payload", "path"];
 
 export class RobotDrawing {
@@ -53,6 +54,9 @@ export class RobotDrawing {
     this.hidden = new Set(hidden); // names of the hidden layers
     this.frames = 0; // number of pictures drawn so far
     this.isWaiting = false;
+    /** @type {WebGLSync | null} */
+    this.last = null; // signalled when the last picture is complete
+    this.patience = 0; // time after which the next picture is drawn anyway [ms]
     this.camera = new DrawingCamera(canvas, () => this.draw());
     const sun = new DirectionalLight("#ffffff", 1.5);
     sun.position.set(0.5, 0.8, 1);
@@ -330,14 +334,26 @@ export class RobotDrawing {
   draw() {
     if (this.isWaiting || !this.renderer) return;
     this.isWaiting = true;
-    requestAnimationFrame(() => {
-      this.isWaiting = false;
-      if (!this.world || this.renderer.getContext().isContextLost()) return;
-      this.renderer.render(this.stage, this.camera.eye);
-      this.frames += 1;
-      const { clientWidth: width, clientHeight: height } = this.canvas;
-      this.labels.arrange(this.camera.eye, width, height, (layer) => !this.hidden.has(layer));
-    });
+    requestAnimationFrame(() => this.drawNext());
+  }
+
+  // Draw once the previous picture is complete: otherwise pictures queue on a slow computer and are shown much too late.
+  drawNext() {
+    const gl = /** @type {WebGL2RenderingContext} */ (this.renderer.getContext());
+    const { last, canvas } = this;
+    if (last && gl.getSyncParameter(last, gl.SYNC_STATUS) === gl.UNSIGNALED && performance.now() < this.patience) {
+      requestAnimationFrame(() => this.drawNext());
+      return;
+    }
+    this.isWaiting = false;
+    if (!this.world || gl.isContextLost()) return;
+    this.renderer.render(this.stage, this.camera.eye);
+    this.frames += 1;
+    gl.deleteSync(last);
+    this.last = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    this.patience = performance.now() + PATIENCE_MS;
+    this.labels.arrange(this.camera.eye, canvas.clientWidth, canvas.clientHeight, (layer) => !this.hidden.has(layer));
   }
 }
 

@@ -98,6 +98,7 @@ export class RobotView {
   // Load the scene and draw it. Without WebGL, only the table shows the pose.
   async load() {
     const signal = this.replacing();
+    if (!this.document) this.refuse("Loading the robot …");
     const software = findRenderer();
     const wanted = { ...this.query, detail: software === false ? "full" : "small" };
     try {

@@ -3,8 +3,9 @@ import { find } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, nothing, render } from "./lit.js";
+import { failedPart, loadingPart } from "./loading.js";
 import { runTable } from "./run_table.js";
-import { isReplaced, newest } from "./requests.js";
+import { LIST_MS, isReplaced, newest } from "./requests.js";
 import { ask, lease, mayMove, now, on, page } from "./service.js";
 
 const compared = find("compared");
@@ -13,13 +14,12 @@ const search = find("search");
 const choices = [find("cell"), find("kind"), find("status"), find("verdict")];
 const kind = find("kind");
 const WAIT_MS = 250;
-const LIST_MS = 30000;
 const PAGE = 100;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let waiting;
 const replacing = newest();
-/** @type {{ groups: Api.RunGroup[] | null, total: number, problem: string }} */
-let shown = { groups: null, total: 0, problem: "" };
+/** @type {{ groups: Api.RunGroup[] | null, total: number, problem: Error | null }} */
+let shown = { groups: null, total: 0, problem: null };
 let kinds = [keptChoice(kind) ?? ""].filter(Boolean);
 /** @type {string[]} */
 let picked = [];
@@ -42,12 +42,12 @@ async function load(groups = []) {
   for (const choice of choices) if (choice.value) wanted.set(choice.id, choice.value);
   try {
     const page = await ask("GET", `/run-groups?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
-    shown = { groups: [...groups, ...page.groups], total: page.total, problem: "" };
+    shown = { groups: [...groups, ...page.groups], total: page.total, problem: null };
     picked = picked.filter((id) => runsOf(shown.groups).some((run) => run.id === id));
     kinds = [...new Set([...kinds, ...page.kinds])];
   } catch (error) {
     if (isReplaced(error)) return;
-    shown = { groups: null, total: 0, problem: error.message };
+    shown = { groups: null, total: 0, problem: error };
   }
   draw();
 }
@@ -56,7 +56,7 @@ const drawKinds = () => render(kinds.map((name) => html`<option>${name}</option>
 
 function draw() {
   drawKinds();
-  render(shown.problem ? html`<p class="problem">${shown.problem}</p><p><button type="button" @click=${() => load()}>Try again</button></p>` : listOf(shown.groups ?? []), find("runs"));
+  render(shown.problem ? failedPart(shown.problem, load) : shown.groups ? listOf(shown.groups) : loadingPart("runs"), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
   find("picked").textContent = picked.length === 2 ? `${labelOf(picked[0])} with ${labelOf(picked[1])}` : "Pick two runs of the same robot.";
@@ -124,6 +124,6 @@ on("cell", (status) => {
   job = status.job?.id;
 });
 on("again", () => shown.problem && load());
-drawKinds();
+draw();
 if (kinds.length) kind.value = kinds[0];
 load();

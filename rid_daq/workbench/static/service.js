@@ -84,7 +84,7 @@ function setStatus(status, from = performance.now()) {
   if (fresh) now.ageFrom = performance.now();
   if (lease.key && another) lease.renew(); // the service refuses this request if another client has the lease meanwhile
   tell("cell", found);
-  if (!fresh) look();
+  if (!fresh && probes === 0) look(); // a probe that is under way, or the next one, brings the age of the preflight
 }
 
 /** @type {() => number | null} */

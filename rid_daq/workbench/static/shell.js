@@ -12,10 +12,8 @@ const banner = find("reach");
 let stays = false;
 let problem = "";
 /** @type {Record<string, string>} */
-const LOST = {
-  stop: "The motion stops if this page closes, the device sleeps or the connection is lost.",
-  finish: "The motion continues if this page closes, the device sleeps or the connection is lost.",
-};
+const MOTION = { moving: "The motion", "at rest": "The job", waiting: "The job" }; // by state of the cell
+const LOST = { stop: "stops", finish: "continues" };
 
 // ---- requirements of elements, in the attribute data-needs
 // "lease": this page holds the cell, and no job uses the cell.
@@ -51,7 +49,7 @@ function showNeeds() {
 function showCell(status) {
   const state = find("state");
   const known = reach.values || reach.requests;
-  const shown = known ? status.state : "unknown";
+  const shown = known ? status.state.replace("closed", "not ready") : "unknown";
   if (state.textContent !== shown || state.dataset.state !== status.state) {
     state.dataset.state = known ? status.state : "unknown";
     state.textContent = shown;
@@ -62,7 +60,9 @@ function showCell(status) {
   const another = owner?.owner === page.who ? "Another page that is open on this device" : owner?.owner;
   if (owner) text = `${mine ? "You hold" : `${another} holds`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
   if (!mine && lease.lost) text = `You no longer hold this cell. ${text}`;
-  if (mine && status.job && status.state === "moving") text = `You hold this cell. ${LOST[status.job.on_lost_client]}`;
+  const motion = MOTION[status.state];
+  if (mine && status.job && motion)
+    text = `You hold this cell. ${motion} ${LOST[status.job.on_lost_client]} if this page closes, the device sleeps or the connection is lost.`;
   words.textContent = problem || (lease.known ? text : "…");
   words.classList.toggle("problem", problem !== "");
   take.hidden = !mayMove || !lease.known || mine || owner !== null;

@@ -6,7 +6,8 @@ import { keptChoice } from "./entries.js";
 import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
-import { request } from "./requests.js";
+import { failedPart, loadingPart } from "./loading.js";
+import { LIST_MS, request } from "./requests.js";
 import { ask, page } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
@@ -31,7 +32,8 @@ function endFigure(place) {
   delete place.dataset.again;
 }
 
-// Show a figure once its element is visible; the previous figure remains until the new one is drawn.
+// Show a figure: it is loaded when its element is nearly visible, and drawn when it is visible, because drawing delays the
+// 3-D view of the same page by seconds on a slow computer. The previous figure remains until the new one is drawn.
 // If another figure is still being loaded there, this loading is cancelled; if it is the same figure, it is loaded again
 // afterwards.
 /** @type {(place: HTMLElement, url: string) => Promise<void>} */
@@ -68,7 +70,7 @@ export async function figureIn(place, url) {
   const takeOut = showFigure(drawn, {
     csv: of({ as: "csv" }),
     svg: of({ as: "svg" }),
-    item: () => look(url, { signal, patienceMs: FIGURE_MS }),
+    item: () => look(url, { signal, patienceMs: FIGURE_MS }).then((item) => seen(place, "0%", signal).then(() => item)),
   });
   const watch = new MutationObserver(() => {
     const state = drawn.dataset.figureState;
@@ -91,39 +93,56 @@ export async function figureIn(place, url) {
   });
 }
 
-// Show the blocks of an address; each plot is loaded when it becomes visible. The promise resolves with the blocks.
-/** @type {(place: HTMLElement, url: string, options?: { keep?: (block: PageBlock) => boolean, signal?: AbortSignal | null }) => Promise<PageBlock[]>} */
-export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
-  const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
-  /** @type {(plot: PlotBlock) => HTMLElement} */
-  const figure = ({ name, number }) => {
-    const made = element("div", { class: "figure", "data-figure": name });
-    figureIn(made, `${url}&plot=${number}`);
-    return made;
-  };
+// Show the blocks of an address; each plot is loaded when it becomes visible. While the blocks load, a text says so; after
+// an error, a button loads them again. The promise resolves with the blocks once they are shown, or with null if other
+// blocks are requested there first.
+/** @type {(place: HTMLElement, url: string, options?: { keep?: (block: PageBlock) => boolean, what?: string }) => Promise<PageBlock[] | null>} */
+export async function showBlocks(place, url, { keep = () => true, what = "result" } = {}) {
+  endFigure(place);
+  const loading = new AbortController();
+  const { signal } = loading;
+  place.loading = loading;
+  place.style.minHeight = `${place.offsetHeight}px`; // what the user reads below must not jump
+  renderBlocks(place, loadingPart(what));
+  try {
+    const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
+    if (signal.aborted) return null;
+    /** @type {(plot: PlotBlock) => HTMLElement} */
+    const figure = ({ name, number }) => {
+      const made = element("div", { class: "figure", "data-figure": name });
+      figureIn(made, `${url}&plot=${number}`);
+      return made;
+    };
+    renderBlocks(place, blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`));
+    place.loading = null;
+    return blocks;
+  } catch (error) {
+    if (signal.aborted) return null;
+    return new Promise((resolve) => {
+      const again = () => {
+        place.loading = null;
+        resolve(showBlocks(place, url, { keep, what }));
+      };
+      signal.addEventListener("abort", () => resolve(null));
+      renderBlocks(place, failedPart(error, again));
+    });
+  } finally {
+    if (!signal.aborted) place.style.minHeight = "";
+  }
+}
+
+/** @type {(place: HTMLElement, parts: unknown) => void} */
+function renderBlocks(place, parts) {
   for (const old of /** @type {NodeListOf<HTMLElement>} */ (place.querySelectorAll(".figure"))) {
     endFigure(old);
     old.lastElementChild?.takeOut?.();
   }
-  render(blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`), place);
-  return blocks;
+  render(parts, place);
 }
 
-// Show sections of a run's result, or the error. The promise resolves with the blocks, or with null after an error.
+// Show sections of a run's result.
 /** @type {(place: HTMLElement, run: string, ...sections: string[]) => Promise<PageBlock[] | null>} */
-export async function showRun(place, run, ...sections) {
-  try {
-    const blocks = await showBlocks(place, ofRun(run, ...sections));
-    place.dataset.run = run;
-    return blocks;
-  } catch (error) {
-    render(problemOf(error), place);
-    return null;
-  }
-}
-
-/** @type {(error: Error) => Part} */
-export const problemOf = (error) => html`<p class="problem">${linked(error.message)}</p>`;
+export const showRun = (place, run, ...sections) => showBlocks(place, ofRun(run, ...sections));
 
 // ---- words
 /** @type {Record<string, [string, string]>} */
@@ -158,7 +177,7 @@ export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_u
 
 /** @type {() => Promise<Api.RunEntry[]>} */
 export async function completeRuns() {
-  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`);
+  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`, undefined, LIST_MS);
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 

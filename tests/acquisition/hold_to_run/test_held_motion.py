@@ -223,7 +223,7 @@ def test_a_finished_motion_ends_although_the_key_is_held() -> None:
 def test_a_motion_without_a_held_key_ends_after_the_idle_time() -> None:
     bench = Bench()
     assert not bench.run_cycles(round(IDLE_S / T) + 2, held=False)
-    assert "no key was held for 60 s" in bench.motion.notes[0]
+    assert "60 s" in bench.motion.notes[0]
 
 
 def test_an_unattended_press_continues_to_the_end_of_its_line() -> None:

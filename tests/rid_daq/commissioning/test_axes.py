@@ -89,7 +89,7 @@ def test_a_reversed_direction_reported_by_the_user_is_named(
         person.wait_for_text("Hold SPACE")
         with person.hold_key(" "):
             person.wait_for_text("Simulated: axis2 has turned by")
-        person.wait_for_text("Did axis2 move as announced")
+        person.wait_for_text("How did axis2 move?")
         person.type("-\n")
         person.wait_for_text("By about how much")
         person.type("30mm\n")

@@ -206,7 +206,7 @@ def test_practice_on_a_simulated_cell_asks_every_question(run_session: Lead) -> 
         person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0
     )
     assert person.asked == [
-        "Is cell kr15 free of people? Confirm with the cell's name",
+        "Is cell kr15 free of people?",
         "Is the emergency stop within reach?",
         "Is the flange empty: no payload, gripper or cable hangs on it?",
     ]

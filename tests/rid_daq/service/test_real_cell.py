@@ -103,7 +103,7 @@ def answer_axis_test(client: ServiceClient, job: Job, lease: str, holder: Holder
                 time.sleep(0.05)
             holder.hold("")
         else:
-            text = "+" if "move as announced" in str(question["text"]) else "2"
+            text = "+" if question["choices"] else "2"
             body = {"question": question["question"], "text": text}
             with contextlib.suppress(
                 LockedError

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -13,6 +16,7 @@ from acquisition.runs.manifest import MANIFEST
 from rid_daq.service.api import run_index
 from rid_daq.service.api.run_index import DAMAGED, REPORT, RunIndex
 
+CALLS = 8
 Read = list[str]
 
 
@@ -53,6 +57,33 @@ def test_a_second_call_reads_no_run(runs: list[RunFolder], read: Read, tmp_path:
     assert len(read) == 3
     assert index.newest_first() == first
     assert len(read) == 3
+
+
+def test_calls_that_wait_share_one_scan(
+    runs: list[RunFolder], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    index, scan = RunIndex(tmp_path), Mock()
+    arrived = threading.Barrier(CALLS)
+
+    class Door:
+        """Lock that opens when all calls wait for it."""
+
+        lock = threading.Lock()
+
+        def __enter__(self) -> None:
+            arrived.wait()
+            self.lock.acquire()
+
+        def __exit__(self, *_: object) -> None:
+            self.lock.release()
+
+    monkeypatch.setattr(index, "_lock", Door())
+    scan.side_effect = index._scan
+    monkeypatch.setattr(index, "_scan", scan)
+    with ThreadPoolExecutor(CALLS) as pool:
+        found = [pool.submit(index.newest_first) for _ in range(CALLS)]
+    assert {len(each.result()) for each in found} == {3}
+    assert scan.call_count == 1
 
 
 def test_a_changed_new_or_removed_run_is_noticed(

@@ -14,6 +14,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Identity, Job, JobState, Role
 from rid_daq.service.service import CellService
 from rid_daq.service.workers.running_job import RunningJob
+from rid_daq.terminal.job_events import QuestionEvent
 from tests.rid_daq.service.conftest import Worker, as_worker, job
 
 WHO = Identity(name="anna", role=Role.OPERATOR, person=True, token="")
@@ -95,3 +96,21 @@ def test_a_computing_job_cancelled_while_its_worker_starts_does_not_run(
     assert over is not None
     assert (over.state, over.reason) == (JobState.STOPPED, "cancelled by anna before it started")
     assert list(service.job_runner) == []
+
+
+def test_a_cell_moves_only_during_the_motions_of_a_job(
+    service: CellService, worker: Worker, tmp_path: Path
+) -> None:
+    """Between them the job waits for an answer, or the next motion can begin at any time."""
+    running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
+    states = [running.cell_state]
+    motion = ControlBlock.create()
+    states.append(running.cell_state)
+    running.question = QuestionEvent(at_s=0.0, question=1, form="hold", text="")
+    motion.program.declare_task_gone()
+    states.append(running.cell_state)
+    running.question = QuestionEvent(at_s=0.0, question=2, form="yes_no", text="Attached?")
+    states.append(running.cell_state)
+    running.stop("stopped by Anna", StopCode.STOP_BUTTON)
+    states.append(running.cell_state)
+    assert states == ["at rest", "moving", "moving", "waiting", "stopping"]

@@ -32,6 +32,7 @@ from rid_daq.web.connection_groups import Limits
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)
 LONG = Limits(request_s=PATIENCE_S, answer_s=PATIENCE_S)
+ADDRESS = "127.0.0.1"
 GET = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 EVENTS = b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n"
 
@@ -87,7 +88,7 @@ class Place:
     async def open(self, local: bool = False) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         if local:
             return await asyncio.open_unix_connection(self.path)
-        return await asyncio.open_connection("127.0.0.1", self.port)
+        return await asyncio.open_connection(ADDRESS, self.port)
 
     async def ask(self, sent: bytes, local: bool = False) -> tuple[int, bytes, bytes]:
         """Return status, head and body of the whole answer; status 0 without an answer."""
@@ -125,7 +126,7 @@ async def start_server(folder: Path, limits: Limits, tls: ssl.SSLContext | None 
     )
     app.state.until = until
     server = AsgiServer(app, tls, limits)
-    tcp = socket.create_server(("127.0.0.1", 0))
+    tcp = socket.create_server((ADDRESS, 0))
     port = tcp.getsockname()[1]
     unix = socket.socket(socket.AF_UNIX)
     unix.bind(str(folder / "door"))

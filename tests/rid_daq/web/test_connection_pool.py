@@ -60,9 +60,10 @@ def test_many_requests_of_one_owner_do_not_block_others() -> None:
         scheduler, order = FairScheduler(at_once=3, of_one=2, waiting_of_one=10), []
 
         async def work(owner: str, until: asyncio.Event) -> None:
-            async with scheduler.slot(owner):
-                order.append(owner)
-                await until.wait()
+            slot = await scheduler.acquire(owner)
+            order.append(owner)
+            await until.wait()
+            slot.release()
 
         until = asyncio.Event()
         async with asyncio.TaskGroup() as group:

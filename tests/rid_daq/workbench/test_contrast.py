@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from rid_daq.service.records import CellState
 from tests.rid_daq.workbench.conftest import OpenPage
 
 pytestmark = pytest.mark.slow
@@ -35,7 +36,7 @@ KINDS = (
     '<ol class="stages"><li data-state="bad"><a href="#">words <span>words</span></a></li></ol>',
     *(
         f'<p><span class="state" data-state="{state}">words</span></p>'
-        for state in ("closed", "checking", "ready", "moving", "stopping", "fault", "unknown")
+        for state in (*CellState, "unknown")
     ),
 )
 """HTML of one element of each kind of alarm, badge and button, as the pages create it."""

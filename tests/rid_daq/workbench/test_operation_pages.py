@@ -17,6 +17,15 @@ from rid_daq.workbench.static_files import static_files
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, estimated
 
+LINKED = """async (text) => {
+  const { linked } = await import("/static/commands.js");
+  const { render } = await import("/static/lit.js");
+  const place = document.createElement("p");
+  document.querySelector("main").append(place);
+  render(linked(text), place);
+  const links = [...place.querySelectorAll("a")].map((each) => each.pathname);
+  return { text: place.innerText, links };
+}"""
 JOBS = [name for name, entry in CATALOGUE.items() if entry.is_job]
 
 
@@ -60,6 +69,26 @@ def test_a_command_leads_to_the_page_with_its_button() -> None:
     assert (
         f"export const LINKS = {json.dumps(links)}" in static_files()["command_links.js"].decode()
     )
+
+
+@pytest.mark.slow
+def test_a_message_names_fields_and_runs_instead_of_options_and_ids(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    run = "01M8PX6N28PQPKVF7CF00ZTB80"
+    page = open_page()
+    page.goto(f"{served_pages.url.split('/?')[0]}/cells/ir361/identify")
+    expect(page.locator("#solve-why")).not_to_be_empty()
+    shown = page.evaluate(
+        LINKED, f"use --band 7 or --mass-limit; runs/{run}: `--choose`, `rid-daq check X`"
+    )
+    assert (
+        shown["text"] == "use “Highest frequency [Hz]” 7 or “mass limit”; the run: “choose”, Check"
+    )
+    assert shown["links"] == [f"/cells/ir361/runs/{run}", "/cells/ir361"]
+    page.goto(f"{served_pages.url.split('/?')[0]}/cells/ir361/operations/record")
+    expect(page.locator("#begin")).to_be_visible()
+    assert not re.search(r"--[a-z]|`", page.locator("main").inner_text())
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, Route, expect
 
 from acquisition.runs.catalogue import list_runs
 from tests.builders.certified import certified_session
@@ -61,6 +61,31 @@ def test_results_survive_a_reload_and_a_restart_of_the_service(
         expect(page.locator("#result-card")).to_be_hidden()
         page.locator("#finished").get_by_role("link", name=LABEL).click()
         expect_results(page)
+
+
+def test_a_result_that_loads_or_fails_says_so_and_can_be_requested_again(
+    folder: Path, open_page_of: OpenAddress
+) -> None:
+    with serving(folder, cell="kr15") as served:
+        page = open_page_of(served.url)
+        go_to(page, "Payload")
+        held: list[Route] = []
+
+        def hold(route: Route) -> None:
+            held.append(route)
+
+        page.route("**/blocks/runs/**", hold)
+        with page.expect_request("**/blocks/runs/**"):
+            page.locator("#finished").get_by_role("link", name=LABEL).click()
+        expect(page.locator("#result [role=status]")).to_be_visible()
+        expect(page.locator("#papers")).to_be_hidden()
+        held.pop().fulfill(status=500, body="")
+        expect(page.locator("#result [role=alert]")).to_contain_text("500")
+        page.unroute("**/blocks/runs/**")
+        page.locator("#result").get_by_role("button", name="Try again").click()
+        expect(page.locator("#result .verdict").first).to_contain_text("✓ Passed")
+        expect(page.locator("#result [role=alert]")).to_have_count(0)
+        expect(page.locator("#papers")).to_be_visible()
 
 
 def test_times_are_those_of_the_service_with_their_zone(

@@ -90,7 +90,7 @@ def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     pass_time(page, 2.0, message if values else None)
     expect(reach).to_contain_text(words)
     expect(page.locator("#state")).to_have_text(
-        ("moving" if moving else "closed") if values or requests else "unknown"
+        ("moving" if moving else "not ready") if values or requests else "unknown"
     )
     if moving and not values:
         expect(live).to_contain_text("NOT LIVE")
