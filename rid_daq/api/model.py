@@ -83,8 +83,7 @@ class Model:
 
         Raises:
             ConfigError: The file cannot be read or is not a model.
-            RecordingError: The file is in the folder of a run from which the model was not
-                identified, or a file of this run has changed.
+            RecordingError: The file is in another run's folder, or files of the run have changed.
         """
         estimate = read_model(as_path("path", path))
         return cls(estimate, EstimateSection.of(estimate))
@@ -261,9 +260,8 @@ class Model:
         """Return the model at a temperature, if its friction depends on temperature.
 
         Args:
-            temperature: Temperature of the joints [°C], such as 40 or "40,35,30"; or, for a model
-                with computed warming, `cold` (after a long rest) or `warm` (after many repetitions
-                of the motion).
+            temperature: Temperature of the joints [°C], such as 40 or "40,35,30"; with computed
+                warming also `cold` (long rest) or `warm` (many repetitions of the motion).
             velocity: Shape (samples, joints). Velocities of the motion, for `warm` [rad/s or m/s].
 
         Raises:
@@ -313,16 +311,14 @@ class Model:
                 inertias and friction; everything else stays. Without it, the result has the frames
                 and names of the model.
             tip: Link behind the arm's last joint, if `urdf` has several equal arms.
-            despite_misfit: Accept a model that does not explain its data, and data that no
-                physically consistent parameters explain.
+            despite_misfit: Accept what RID-MODEL-MISFIT and RID-MODEL-INCONSISTENT refuse.
 
         Raises:
             ConfigError: `urdf` cannot be read, or its axes are not those of the robot
                 (RID-URDF-KINEMATICS).
-            EstimationError: A joint did not move (RID-MODEL-STILL), the model does not explain its
-                own data (RID-MODEL-MISFIT), no physically consistent parameters explain the data
-                (RID-MODEL-INCONSISTENT), or links of `urdf` do not fit into the identified bodies
-                (RID-EXPORT-FIXED-LINKS).
+            EstimationError: A joint did not move (RID-MODEL-STILL); the model does not explain its
+                data (RID-MODEL-MISFIT), or no physically consistent one does
+                (RID-MODEL-INCONSISTENT); or links of `urdf` do not fit (RID-EXPORT-FIXED-LINKS).
         """
         if urdf is None and tip is not None:
             raise ConfigError(

@@ -331,8 +331,8 @@ def data_defects(runs: Sequence[RunData]) -> list[str]:
             case RunStatus.RECOVERED:
                 lost = manifest.facts.get("rows_lost", 0)
                 said.append(f"{name}: the run was recovered; {lost} rows are known to be lost")
-        period_s = data.tally.head.sample_period_s
-        reached_s = math.inf if period_s is None else data.tally.last_row * period_s
+        step_s = data.tally.head.sample_period_s
+        reached_s = math.inf if step_s is None else data.tally.last_row * step_s
         said += load_change_notes(data.folder, name, reached_s)
         found = () if data.import_report is None else data.import_report.findings
         held = repeated_torque_sentence(next(data.parts()))
@@ -358,8 +358,7 @@ def _with_imported_plate(folder: RunFolder, recording: Recording) -> Recording:
     path = folder.file(PLATE_RECORDING)
     if not path.exists():
         return recording
-    reaction = read_imported_plate(path, len(recording), folder.run_id)
-    return replace(recording, reaction=reaction)
+    return replace(recording, reaction=read_imported_plate(path, len(recording), folder.run_id))
 
 
 def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:

@@ -11,8 +11,6 @@ from config.column_file import each_column, has_few_values
 from config.errors import EstimationError
 from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
-from identification.equations.clipped_torques import find_clipped_torques
-from identification.equations.late_torques import find_late_torques
 from identification.equations.segments import period_signals, thin_rows
 from identification.equations.stretches import smoothed_stretches
 from identification.estimation.estimate import Estimate
@@ -20,6 +18,8 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import channel_findings
+from identification.wiring.clipped_torques import find_clipped_torques
+from identification.wiring.late_torques import find_late_torques
 from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
 from rid_daq.runs.run_data import RunData
 

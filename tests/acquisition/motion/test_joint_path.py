@@ -154,10 +154,7 @@ PLANNED_S = np.array([0.0, 0.4, 0.7, 0.9, 1.2, 1.6, 2.0])
 
 
 def planned_rows() -> tuple[FloatArray, FloatArray]:
-    """Return positions (rad) and velocities (rad/s) of a smooth motion, at rest at both ends.
-
-    The rows belong to `PLANNED_S`.
-    """
+    """Return positions [rad] and velocities [rad/s] at `PLANNED_S`; the motion ends at rest."""
     x = PLANNED_S / 2.0
     share = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
     rate = 15.0 * x**2 * (1.0 - 2.0 * x + x**2)

@@ -153,10 +153,7 @@ def test_angles_are_exact_at_a_pitch_of_90_degrees(pitch: float) -> None:
 
 
 def arm(*more: str, tool: str = "") -> bytes:
-    """Return an upright arm: a vertical axis and two parallel horizontal ones.
-
-    Its angles are rounded, as in many files.
-    """
+    """Return an arm with a vertical axis and two parallel horizontal ones, with rounded angles."""
     return robot(
         link("base"),
         link("column"),

@@ -250,10 +250,7 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
 def session(
     loaded: LoadedCell, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]]:
-    """Yield runs without and with a payload at a cycle of 4 ms.
-
-    The drive monitor misses one answer of drive 5 in the first run.
-    """
+    """Yield runs without and with a payload; in the first, the monitor misses an answer."""
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
         runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]

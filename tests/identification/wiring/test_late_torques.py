@@ -24,8 +24,8 @@ from benchmarks.sound_robots import sound_run, sound_runs
 from config.arrays import FloatArray
 from config.load import load_cell, load_robot
 from identification.equations.deconvolution import smoothed_recording
-from identification.equations.late_torques import LateTorque, find_late_torques
 from identification.model.options import ModelOptions
+from identification.wiring.late_torques import LateTorque, find_late_torques
 from tests.builders.late_torque import MOTION, late
 
 CELL = load_cell("ir361")

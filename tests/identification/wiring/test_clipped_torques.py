@@ -12,8 +12,8 @@ from benchmarks.mistakes import recording_of
 from benchmarks.mistakes_made import UserFiles
 from benchmarks.sound_robots import SoundRecording, sound_run, sound_runs
 from config.load import load_robot
-from identification.equations.clipped_torques import ClippedTorque, find_clipped_torques
 from identification.model.options import ModelOptions
+from identification.wiring.clipped_torques import ClippedTorque, find_clipped_torques
 
 BAND_HZ, STANDSTILL_RAD_S = 10.0, 0.02
 
