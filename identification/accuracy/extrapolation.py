@@ -35,7 +35,7 @@ def repetition_findings(estimate: Estimate, position: FloatArray) -> tuple[str, 
         return ()
     return (
         "The joints move between the same positions as in the identification, so this run probably"
-        " repeats its motion. On other motions the error can be larger: validate on one of them.",
+        " repeats its motion. Other motions can have a larger error: validate on another motion.",
     )
 
 

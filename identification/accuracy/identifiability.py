@@ -60,7 +60,7 @@ class WeakParameter:
 def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, ...]:
     """Return the rigid-body parameters that may be zero, the least certain first.
 
-    They are less than two standard deviations from zero. For each of them, the motions of
+    They are less than two standard deviations from zero. For each parameter, the motions of
     `joint_motions` are tried. Each motion counts as one more run of the same length, with residuals
     of the same spectrum: its information is added to that of the estimate.
 

@@ -143,7 +143,7 @@ def find_torque_drifts(
     """Return the drifts that are significant and material (`TorqueDrift.is_material`).
 
     Args:
-        fitted: A fit of recordings that are not periodic, or of parts of them.
+        fitted: A fit of recordings, or of parts of recordings, that are not periodic.
         sigma: Shape (b,). Standard deviations of the estimate's base parameters.
         recording: For each run of the fit, the index of its recording; ascending.
 

@@ -212,7 +212,7 @@ def drive_gains(
 class _Scales:
     """Equations tau_j = s_j Phi_j x + noise of the joints j, with s_j = 1 / gain.
 
-    x are the base parameters. One of them, the load's mass, is known.
+    x are the base parameters; the load's mass is a known one.
     """
 
     names: tuple[str, ...]

@@ -37,7 +37,7 @@ LEAST_OVERLAP: Final = 0.5
 LEAST_EXPLAINED: Final = 0.7
 STEPS: Final = 60
 FIRST_STEPS: Final = 8
-"""Number of steps for each of the best delays, before the best of them is chosen."""
+"""Number of steps for each of the best delays, before the best delay is chosen."""
 WEIGHTING_STEPS: Final = 5
 """Number of steps in which the weights of the readings are adapted to their residuals."""
 SMALLEST_STEP_S: Final = 1e-8

@@ -63,8 +63,7 @@ def refine_start(
         problem: The design task.
         seed: Seed of the start; the same seed gives the same motion.
         sample_period_s: The cell's cycle time [s].
-        iterations: Largest number of iterations of the first minimisation; later minimisations have
-            a fraction of it.
+        iterations: Largest number of iterations of the first minimisation; later ones have fewer.
         periods: Periods of the motion file.
 
     Raises:

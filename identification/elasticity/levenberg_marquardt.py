@@ -23,8 +23,8 @@ class Minimum:
         x: Shape (p,). The unknowns.
         residuals: Shape (m,). The residuals.
         jacobian: Shape (m, p). Derivatives of the residuals, before the last step.
-        is_settled: True if the last step reduced the sum by less than `SETTLED` of it; False if the
-            iterations ended before.
+        is_settled: True if the last step reduced the sum by less than the fraction `SETTLED`; False
+            if the iterations ended before.
     """
 
     x: FloatArray

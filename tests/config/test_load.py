@@ -125,7 +125,7 @@ def test_the_position_points_at_the_key(tmp_path: Path) -> None:
 def test_an_unknown_cell_lists_the_bundled_ones() -> None:
     with raises_code(ConfigError, "RID-FILE-UNKNOWN", "cells", "ir361"):
         load_cell("nothing-like-it")
-    with raises_code(ConfigError, "RID-FILE-UNKNOWN", "'ur10e' is a robot", "Robot.load"):
+    with raises_code(ConfigError, "RID-FILE-UNKNOWN", "'ur10e'", "Robot.load"):
         load_cell("ur10e")
 
 
