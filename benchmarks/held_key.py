@@ -61,7 +61,11 @@ def stop_ramp_s() -> float:
 
 
 def disturbed_link(kind: str, chance: random.Random, from_s: float, size_s: float) -> Way:
-    """Return a one-way link that is disturbed from a given time."""
+    """Return one direction of a link.
+
+    Messages after `from_s` are late in the kinds "stall", "late" and "reordered". In "replayed",
+    each message arrives twice. Other kinds do not disturb the link.
+    """
     base_s = chance.uniform(0.0005, 0.03)
 
     def arrival_s(sent_s: float) -> float:

@@ -244,8 +244,8 @@ def _step(inertia, motion, loop, force, friction):  # type: ignore[no-untyped-de
     free, gain = half + 0.5 * STEP_S * drive, 0.5 * STEP_S * inverse
     limit = coulomb * (1.0 + stribeck * np.exp(-np.abs(guess) / STRIBECK_RAD_S))
     limit += load_share * np.abs(load)
-    # At the middle of the step v = free - gain F. The friction F of a sliding joint is limit
-    # sign(v) + viscous v; that of a joint at rest is at most the limit.
+    # Velocity at the middle of the step: v = free - gain @ F, with the friction F. A sliding joint
+    # has F = limit * sign(v) + viscous * v; a joint at rest has |F| <= limit.
     for _ in range(SWEEPS):
         change = 0.0
         for i in range(n):

@@ -304,7 +304,7 @@ def main() -> int:
         print(f"delay {1e3 * found['lag_found_s']:.3f} ± {1e3 * half_s:.3f} ms")
         clock = own_clock_holds(files)
         six = as_six_components(files)
-        print(f"six components: estimates differ by {six:.1e} sigma")
+        print(f"six components: estimates differ from those of the channels by {six:.1e} sigma")
         named = {
             kind: named_mistake(files, kind, changes)
             for kind, changes in wrong_descriptions(files).items()

@@ -125,10 +125,10 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
     turn_rad = min(2.0 * room, HALF_TURN_RAD)
     if turn_rad < SMALLEST_TURN_RAD:
         raise ConfigError(
-            f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees"
-            f" about {middle[0]:g} rad, but at least"
+            f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees,"
+            f" centred on {math.degrees(middle[0]):.0f} degrees, but at least"
             f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees are needed to separate offset and"
-            " gravity: choose a reference pose nearer to the middle of its range",
+            " gravity: choose a reference pose (--pose) nearer to the middle of its range",
             code="RID-PLATE-ZERO-POSE",
         )
     first, second = middle.copy(), middle.copy()

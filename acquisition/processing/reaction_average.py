@@ -75,13 +75,13 @@ class ReactionPeriods:
         reaction: Readings of the plate from which the periods were cut.
         values: Shape (periods, K, c). Channel values without drift and mean [N; N m for a moment];
             zero if invalid or left out.
-        level_n: Shape (c,). Mean of the channels over all periods [N].
+        level_n: Shape (c,). Mean of the channels over the good periods [N; N m for a moment].
         present: Shape (periods, K, c). True for valid values; all true for a channel that is left
             out.
         used: Shape (c,). False for a channel that is left out.
         drift_n_s, drift_sigma_n_s: Shape (c,). See `ReactionAverage`.
         too_fast_n_s: Shape (periods, c). Drift of each period that exceeds the limit; zero for
-            other periods [N/s].
+            other periods, and for a channel that is left out [N/s].
     """
 
     reaction: Reaction

@@ -70,7 +70,7 @@ def prepare_plate(
 
 
 def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadiness:
-    """Reset the amplifier, configure it according to the cell file, and start the operation.
+    """Discharge the channels, configure the amplifier by the cell file, and start measuring.
 
     Raises:
         DriverError: The amplifier cannot be reached, or does not accept a setting or a command.

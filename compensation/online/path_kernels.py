@@ -83,9 +83,10 @@ SPARE: Final = 12
 PathArrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray, float]
 """State of the path.
 
-`axes` (5 or more, n): limits. `nodes` (nodes, 6, n): ring buffer, index modulo length. `profiles`
-(2, nodes): the valid profile and a trial. `counts` and `pace`: the words named above. The last
-element is the time between points [s].
+`axes` (5 or more, n): the first five rows are the limits; callers use further ones. `nodes`
+(nodes, 6, n): ring buffer, index modulo length. `profiles` (2, nodes): squared rate of the path at
+each node, valid and on trial. `counts` and `pace`: the elements named above; callers use further
+ones. Sixth element of the tuple: the time between points [s].
 """
 
 

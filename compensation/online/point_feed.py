@@ -1,4 +1,4 @@
-"""Writing of points into the ring: checks them for collisions, and waits while the ring is full."""
+"""Write points into the ring, after checks of the points and of stops that begin at them."""
 
 from __future__ import annotations
 

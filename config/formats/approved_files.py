@@ -21,9 +21,9 @@ _approved: dict[str, str] = {}
 
 
 def approve_files(hashes: Mapping[str, str]) -> None:
-    """Approve files for further reads of this process; this replaces the earlier list.
+    """Set the list of approved files, which this process reads only if they are unchanged.
 
-    Files that are not listed are not checked.
+    The earlier list is replaced. Files that are not listed are not checked.
 
     Args:
         hashes: The SHA-256 of each file, by its path.

@@ -125,8 +125,8 @@ class ConsistencyProgramme:
 
         Args:
             target: Shape (b,). Base parameters in decorrelated standard deviations.
-            exactly: False for residuals with errors of about 1e-4 standard deviations, in half of
-                the time.
+            exactly: If False, use a larger tolerance: the residuals change by about 1e-4 standard
+                deviations, and the solution takes about half of the time.
 
         Raises:
             EstimationError: The solver found no solution.

@@ -95,10 +95,11 @@ def _intervals(
 def _energies(
     estimate: Estimate, run: TimeRun, rows: slice
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return each row's energy per unit parameter, actuators' work and noise power.
+    """Return energy columns, the actuators' work and the noise weight, from the first row on.
 
-    The energy is kinetic energy, plus the energy that gravity, springs and friction took since the
-    first row. Work and noise power are summed from the first row on.
+    The energy has a column per base parameter, for the value 1: kinetic energy, plus the work
+    against gravity, springs and friction. The noise weight is the cumulative sum of (speed times
+    residual torque)^2; its increase over an interval is proportional to the variance of the work.
 
     Kinetic energy is half the product of velocity and momentum. The momentum M v is the torque at
     standstill with the acceleration v, minus the torque without acceleration.

@@ -329,11 +329,11 @@ def _is_possible(fit: Fit, joint: int, term: Column) -> bool:
 def _is_distinct(
     grams: Grams, chosen: Sequence[Terms], joint: int, term: Column, fit: Fit, gain: Gain
 ) -> bool:
-    """Return True if a term is distinct from zero, and positive if required.
+    """Return True if a coefficient clearly differs from zero, and is positive if required.
 
-    The limit is lower for a term that clearly reduces the error on held-out data: few blocks, as in
-    half a minute of data, give wide intervals. Shear thinning is distinct if its coefficient is
-    distinct from zero in a model that also has viscous friction.
+    The limit is `DISTINCT_SIGMAS` standard deviations. Short recordings (half a minute) have wide
+    intervals, so it is only `CLEAR_SIGMAS` for a term that clearly reduces the error on held-out
+    data. The coefficient of shear thinning is tested in a model that also has viscous friction.
     """
     if term_of_column(term) == "shear_thinning":
         beside: list[Terms] = [

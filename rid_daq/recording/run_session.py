@@ -172,10 +172,10 @@ class RunSession:
         return known_pose(self.loaded, binding=not (self.cell.simulated or request.held))
 
     def _store_pose(self, folder: RunFolder, outcome: RecordOutcome) -> None:
-        """Store the robot's pose after a motion.
+        """Store the robot's pose after a motion, if it is known and devices are not simulated here.
 
-        It is not stored for a real robot whose pose differed from the last known one: a held key
-        may move such a robot, but the difference must be reported again.
+        The pose of a real robot that was displaced before the motion is not stored either: a held
+        key may move such a robot, but the next run must report the displacement again.
         """
         if self.simulated is not None or outcome.pose is None:
             return

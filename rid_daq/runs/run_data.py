@@ -102,7 +102,7 @@ class RunData:
 
     @property
     def clock(self) -> ClockReport | None:
-        """Report on the time stamps; None if they were not checked."""
+        """Report on the stamps of an import, or on repeated rows of a recording."""
         report = self.import_report
         return self.recorded_clock if report is None else report.clock
 

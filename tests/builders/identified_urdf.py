@@ -50,7 +50,10 @@ class IdentifiedUrdf:
 
 
 def identified_urdf(data: bytes, tip: str | None = None) -> IdentifiedUrdf:
-    """Return the arm of a URDF, identified from torques of a heavier arm."""
+    """Return a URDF, a true arm that differs from it, and an estimate from the true arm's torques.
+
+    The true arm has heavier links with other centres of mass, armatures and friction.
+    """
     tree = read_urdf(data, "arm.urdf", literal_angles=True)
     robot = robot_of_urdf(tree, tip=tip).robot
     options = ModelOptions()

@@ -307,10 +307,10 @@ def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -
     if sigmas[worst] > MOST_SIGMAS:
         names = sorted({name for each in update.unchanged_links for name in each})
         raise EstimationError(
-            f"{update.file}: the links {', '.join(names)} keep their <inertial>, which is too large"
-            f" for the identified bodies: {estimate.base.names[worst]} would change by"
-            f" {sigmas[worst]:.3g} σ. Correct these links in the URDF, or export nevertheless"
-            " (--despite-misfit)",
+            f"{update.file}: links {', '.join(names)} keep their <inertial>, which does not fit"
+            f" the estimate: the base parameter {estimate.base.names[worst]} would change by"
+            f" {sigmas[worst]:.3g} standard deviations (at most {MOST_SIGMAS:g}). Correct"
+            " <inertial> of these links in the URDF, or export nevertheless (--despite-misfit)",
             code="RID-EXPORT-FIXED-LINKS",
         )
 

@@ -177,7 +177,7 @@ class PlateSection(Section):
 
     @property
     def bad_components(self) -> tuple[str, ...]:
-        """The components of the base wrench that the model does not explain."""
+        """Names of the components of the base wrench whose fit is bad, not only doubtful."""
         return tuple(each.name for each in self.components if each.grade is Grade.BAD)
 
     @classmethod

@@ -121,7 +121,7 @@ async def make_ticket(
     secret = authenticator.secret_of(request.headers)
     if secret is None:
         raise NotKnownError(
-            "a ticket replaces a token: send a token with this request", code="RID-TICKET-NO-TOKEN"
+            "this request for a ticket has no token: send your token", code="RID-TICKET-NO-TOKEN"
         )
     return NewTicket(ticket=authenticator.tickets.issue(secret, wanted.path))
 

@@ -76,7 +76,7 @@ function ended(job) {
 async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
-  // "checking" is not in the list, because the status may still name a check that has ended
+  // the state "checking" does not count: the status can still have it after the check has ended
   const moves = status?.state === "moving" || status?.state === "stopping";
   if (lines && !moves) showTemperatures(find("joints"), lines);
 }

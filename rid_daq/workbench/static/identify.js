@@ -95,7 +95,7 @@ function show() {
   render(dataGood && checked ? findings(checked.model) : [], find("check-findings"));
   find("check-words").textContent = dataGood ? "Check of data and model together:" : !names.length ? "Choose runs first." : checked === null ? "The data are being checked." : "The data cannot be used: see Data.";
   let why = "";
-  if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
+  if (!mayMove) why = "This device has read-only access. An administrator can revoke it in Settings and admit it as operator.";
   else if (!names.length) why = "Data are missing: choose a run.";
   else if (checked === null) why = "The data are being checked.";
   else if (!dataGood) why = "The data cannot be used: see Data.";

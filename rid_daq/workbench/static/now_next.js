@@ -59,8 +59,8 @@ on("samples", (newest) => {
   if (!shown?.isRunning) draw();
 });
 
-// The header covers the beginning of the page: sections are scrolled to below it. On a small screen only its last rows
-// stay visible: the state of the cell and this line.
+// The sticky header covers the top of the page, so scrolling to a section must end below the header. On a small screen
+// only the header's last rows stay visible: the state of the cell and this line.
 const header = /** @type {HTMLElement} */ (line.closest("header"));
 new ResizeObserver(() => {
   const above = find("bar").offsetTop;

@@ -7,7 +7,8 @@ import { CELL, ask, lease, mayMove, page } from "./service.js";
 
 const WRITE_MS = 30000;
 
-// Return the button for the zero of a run, with the outcome below it. `check` starts the check that is needed afterwards.
+// Return a button that writes the zero of the plate, as a run measured it, into the cell file, with the result below it.
+// A second button calls `check`, because the cell must be checked again.
 /** @type {(run: string, check?: () => unknown) => HTMLElement} */
 export function zeroButton(run, check = () => location.assign(CELL)) {
   const outcome = element("div", { class: "part", role: "status" });

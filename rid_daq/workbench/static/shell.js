@@ -25,7 +25,7 @@ const LOST = { stop: "stops", finish: "continues" };
 export function missing(need) {
   const status = now.status;
   if (!status) return "The service does not answer yet.";
-  if (!mayMove) return "This device has read-only access. An administrator can give it the role operator.";
+  if (!mayMove) return "This device has read-only access. An administrator can revoke it in Settings and admit it as operator.";
   if (need === "role") return "";
   if (!lease.key) return status.lease ? `${status.lease.owner} holds the cell.` : "Take the cell first.";
   if (status.job) return `${kindWords(status.job.kind)} is running: wait for its end, or stop it.`;

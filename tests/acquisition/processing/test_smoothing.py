@@ -1,6 +1,4 @@
-"""Smoothing of a recording without periods: it uses the true time stamps, shifts no phase, and
-keeps gaps.
-"""
+"""Smoothing of recordings without periods, and resampling of imported periods and temperatures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Before the motion: after a stop request the drives stay without power, and no drive reports a
+"""Checks before a motion: after a stop or a refusal the drives get no power, and no drive reports a
 timeout.
 """
 

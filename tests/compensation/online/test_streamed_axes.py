@@ -1,4 +1,4 @@
-"""Simulated axes keep their limits, do not jump, and come to rest for any stream."""
+"""Simulated axes keep torque limits, hardly exceed others, and rest after any accepted stream."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cycles of a fault script: they count from the enabling controlword, in whatever frame it is."""
+"""Cycles of a fault script count from the controlword Enable Operation, in every layout of PDOs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rid-daq design --kind multisine`, and `rid-daq loop` on a run of its motion."""
+"""`rid-daq design --kind multisine`, and the velocity loops from a recording of its motion."""
 
 from __future__ import annotations
 

@@ -240,11 +240,7 @@ def test_several_turns_of_a_circle_become_one_path(
 ) -> None:
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(retime_words(folder, "--report", folder / "fast.html")) == 0
-    output = " ".join(capsys.readouterr().out.split())
-    assert (
-        "All its periods, including those for settling, are now one part from rest to rest"
-        in output
-    )
+    assert "The motion was periodic" in capsys.readouterr().out
     assert "The motion was periodic" in (folder / "fast.html").read_text()
     samples = planned_motion(folder / "fast.yaml")
     assert samples.periods == 0

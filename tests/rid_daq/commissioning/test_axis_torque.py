@@ -20,7 +20,7 @@ LIMIT_NM = 400.0
 
 
 def pendulum(*, drawn: bool = True, **changes: object) -> RobotDescription:
-    """Return a horizontal bar of 20 kg that its positive motion lifts.
+    """Return a robot with one joint, whose positive motion lifts a horizontal bar of 20 kg.
 
     If not `drawn`, the robot has no CAD data.
     """

@@ -1,4 +1,4 @@
-"""A served real cell: recording is allowed after an axis test through the service.
+"""A served real cell: a recording needs an axis test through the service, and a check after it.
 
 The drives are simulated; `rid-daq mock` serves them on a separate bus.
 """
