@@ -11,7 +11,7 @@ from acquisition.task.states import RecorderState
 from config.process.safety_clock import safety_now_s
 
 TEXT_OF_ORDER = {
-    StopCode.INTERRUPTED: "stopped by the user, or because the program ended",
+    StopCode.INTERRUPTED: "stopped by the user or by the end of the program",
     StopCode.STOP_COMMAND: "stopped by `rid-daq stop`",
     StopCode.STOP_BUTTON: "stopped by the page's stop button",
     StopCode.CLIENT_LOST: CLIENT_LOST_TEXT,

@@ -94,7 +94,7 @@ def test_the_report_is_written_if_ctrl_c_repeats_during_clean_up(
     keys = "kind: signal, signal: INT, count: 1000, period_s: 0.005"
     done = record(f"{{{keys}, at_cycle: {AT}}}")
     assert done.code == 130
-    assert done.document["stop"]["text"] == "stopped by the user, or because the program ended"
+    assert done.document["stop"]["text"] == "stopped by the user or by the end of the program"
     assert done.journal.damage.notes == ()
     assert len(done.journal.rows) >= AT - 5
     assert done.folder.manifest().status == "stopped"

@@ -61,7 +61,7 @@ def test_after_an_undisturbed_motion_the_next_one_can_start(outcome: Outcome) ->
 @pytest.mark.parametrize(
     ("code", "who"),
     [
-        (StopCode.INTERRUPTED, "by Ctrl-C"),
+        (StopCode.INTERRUPTED, "by the user"),
         (StopCode.STOP_COMMAND, "`rid-daq stop`"),
         (StopCode.STOP_BUTTON, "the page's stop button"),
         (StopCode.CLIENT_LOST, "the motion's client has lost the lease of the cell"),

@@ -104,9 +104,9 @@ def test_the_stop_sentence_gives_cause_place_and_advice(ended_run: RecordedRun) 
 def test_a_signal_determines_the_exit_code(
     ended_run: RecordedRun, came: signal.Signals, code: ExitCode
 ) -> None:
-    reason = StopReason(StopCode.INTERRUPTED, "stopped by the user, or because the program ended")
+    reason = StopReason(StopCode.INTERRUPTED, "stopped by the user or by the end of the program")
     stopped = replace(ended_run, outcome=replace(outcome(reason), interrupted_by=came))
-    assert stop_words(stopped.outcome) == "Stopped by the user, or because the program ended."
+    assert stop_words(stopped.outcome) == "Stopped by the user or by the end of the program."
     assert stopped.exit_code == code
 
 

@@ -100,7 +100,7 @@ def test_the_limits_equal_those_of_the_supervision(
 
 
 def test_a_stop_without_a_joint_has_no_curve(recording: Recording, loaded: LoadedCell) -> None:
-    reason = StopReason(StopCode.INTERRUPTED, "stopped by the user, or because the program ended")
+    reason = StopReason(StopCode.INTERRUPTED, "stopped by the user or by the end of the program")
     assert StopCurve.of(recording, reason, loaded.config, loaded.robot) is None
 
 

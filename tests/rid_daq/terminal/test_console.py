@@ -138,9 +138,10 @@ def test_the_list_of_runs_fits_eighty_columns(
 def test_verify_ends_with_a_verdict_and_an_exit_code(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made, _ = (path for path, _ in list_runs(runs))
-    made.write("motion.yaml", b"kind: fourier")
-    made.finish(RunStatus.COMPLETE, {})
+    made, other = (path for path, _ in list_runs(runs))
+    for each in (made, other):
+        each.write("motion.yaml", b"kind: fourier")
+        each.finish(RunStatus.COMPLETE, {})
     assert run(["runs", "--verify", "--runs", str(runs)]) == 0
     assert capsys.readouterr().out.endswith("Unchanged runs: 2 of 2.\n")
     made.file("motion.yaml").write_text("kind: circle")
