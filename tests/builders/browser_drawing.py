@@ -28,6 +28,13 @@ WEBGL: Final = (
 MARKER_PX: Final = 6.0
 VISIBLE: Final = 12
 
+_DRAWN = """() => {
+  const { drawing } = document.getElementById('view').robotView;
+  return new Promise((done) => {
+    const check = () => requestAnimationFrame(drawing.isWaiting ? check : () => done(null));
+    check();
+  });
+}"""
 _READY = "() => document.getElementById('view')?.robotView?.drawing?.frames > 0"
 _OPEN = """async ({ scene, binary, position }) => {
   const bytes = Uint8Array.from(atob(binary), (each) => each.charCodeAt(0)).buffer;
@@ -38,9 +45,6 @@ _OPEN = """async ({ scene, binary, position }) => {
 _SHOW = """(position) => {
   const view = document.getElementById('view').robotView;
   view.show({ position, words: 'a test', kind: 'planned' });
-  return new Promise((done) => {
-    requestAnimationFrame(() => requestAnimationFrame(() => done(null)));
-  });
 }"""
 _POINTS = """(poses) => {
   const { drawing } = document.getElementById('view').robotView;
@@ -71,7 +75,6 @@ _MARK = """async ({ link, radius }) => {
   });
   drawing.labels.place.hidden = true;
   drawing.draw();
-  await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
 }"""
 
 
@@ -119,6 +122,11 @@ def wait_for_picture(page: Page) -> None:
     raise AssertionError("the view has drawn nothing within 60 s")
 
 
+def wait_until_drawn(page: Page) -> None:
+    """Wait until the view shows its newest picture, which waits for the one before."""
+    page.evaluate(_DRAWN)
+
+
 def open_scene(page: Page, scene: RobotScene, position: np.ndarray) -> None:
     """Show another scene in the page's view, in a pose [rad or m]."""
     document, binary = encode_scene(scene, "/of/a/test", "small")
@@ -133,6 +141,7 @@ def open_scene(page: Page, scene: RobotScene, position: np.ndarray) -> None:
 def show_pose(page: Page, position: np.ndarray) -> None:
     """Show a pose [rad or m], and wait until it is drawn."""
     page.evaluate(_SHOW, position.tolist())
+    wait_until_drawn(page)
 
 
 def drawn_points(page: Page, poses: np.ndarray) -> list[tuple[np.ndarray, Pinhole]]:
@@ -150,6 +159,7 @@ def marker_place(page: Page, link: int, radius_m: float) -> np.ndarray:
     `link` counts the frames of `drawn_points` from 0; the last is the tool.
     """
     page.evaluate(_MARK, {"link": link, "radius": radius_m})
+    wait_until_drawn(page)
     picture = picture_of(page)
     is_marker = (picture[..., 0] > 200) & (picture[..., 1] < 60) & (picture[..., 2] > 200)
     rows, columns = np.nonzero(is_marker)

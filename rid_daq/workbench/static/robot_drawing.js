@@ -64,7 +64,10 @@ export class RobotDrawing {
     this.stage.add(this.camera.eye, new HemisphereLight("#ffffff", "#8f9aa5", 2.1));
     new ResizeObserver(() => this.resize()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.repaint());
-    canvas.addEventListener("webglcontextlost", () => lost(true));
+    canvas.addEventListener("webglcontextlost", () => {
+      this.last = null; // it belongs to the lost context
+      lost(true);
+    });
     canvas.addEventListener("webglcontextrestored", () => {
       lost(false);
       this.draw();

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.builders.browser_drawing import changed_share, picture_of, wait_for_picture
+from tests.builders.browser_drawing import (
+    changed_share,
+    picture_of,
+    wait_for_picture,
+    wait_until_drawn,
+)
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage
 from tests.rid_daq.workbench.stopped_motion import moving
@@ -90,20 +95,20 @@ def test_keys_turn_and_zoom_the_picture_and_the_wheel_scrolls_the_page(open_page
     canvas.scroll_into_view_if_needed()
     canvas.focus()
     page.keyboard.press("Home")  # the keys also show the outline of the focus
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     before = picture_of(page)
     page.keyboard.press("ArrowLeft")
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     turned = picture_of(page)
     assert changed_share(before, turned) > 0.01
     page.keyboard.press("+")
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     assert changed_share(turned, picture_of(page)) > 0.01
     scrolled = page.evaluate("scrollY")
     page.keyboard.press("ArrowDown")
     assert page.evaluate("scrollY") == scrolled
     page.keyboard.press("Home")
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     assert changed_share(before, picture_of(page)) == 0.0
 
 
@@ -114,7 +119,7 @@ def test_the_positive_direction_of_a_joint_can_be_shown(open_page: OpenPage) -> 
     before = picture_of(page)
     button.click()
     expect(button).to_have_attribute("aria-pressed", "true")
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     assert changed_share(before, picture_of(page)) > 0.002
     ghost, real = page.evaluate(
         f"(() => {{ const {{ ghost, arm }} = {VIEW}.drawing;"
@@ -123,7 +128,7 @@ def test_the_positive_direction_of_a_joint_can_be_shown(open_page: OpenPage) -> 
     turn = np.array(real).reshape(4, 4).T[:3, :3].T @ np.array(ghost).reshape(4, 4).T[:3, :3]
     assert turn[1, 0] == pytest.approx(np.sin(np.radians(2.0)))  # about +z of the joint
     button.click()
-    page.wait_for_timeout(200)
+    wait_until_drawn(page)
     assert changed_share(before, picture_of(page)) < 0.005
 
 
@@ -142,7 +147,7 @@ def test_a_lost_graphics_context_is_reported_and_comes_back(open_page: OpenPage)
     frames = page.evaluate(FRAMES)
     page.locator("#view canvas").first.focus()
     page.keyboard.press("ArrowLeft")
-    page.wait_for_timeout(300)
+    wait_until_drawn(page)
     assert page.evaluate(FRAMES) > frames
 
 

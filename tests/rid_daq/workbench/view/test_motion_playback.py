@@ -21,7 +21,12 @@ from rid_daq.workbench.view.motion_playback import (
     motion_playback,
 )
 from rid_daq.workbench.view.resting_pose import RestingPose
-from tests.builders.browser_drawing import changed_share, picture_of, wait_for_picture
+from tests.builders.browser_drawing import (
+    changed_share,
+    picture_of,
+    wait_for_picture,
+    wait_until_drawn,
+)
 from tests.builders.javascript_types import assert_declared
 from tests.rid_daq.robot_view.test_scene import pinocchio_of
 from tests.rid_daq.service.conftest import ServedProcess, serving
@@ -222,6 +227,7 @@ def test_a_motion_is_played_and_can_be_scrubbed(
     row = int(np.abs(found.position - found.position[0]).max(axis=1).argmax())
     page.locator("#view .player input").fill(str(found.times_s[row]))
     page.wait_for_timeout(400)  # the table changes five times a second
+    wait_until_drawn(page)
     assert changed_share(before, picture_of(page)) > 0.01
     shown = page.locator("#view tbody td.number:not(.soft)").all_inner_texts()
     assert [float(text.split()[0]) for text in shown] == pytest.approx(
