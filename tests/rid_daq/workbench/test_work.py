@@ -149,6 +149,7 @@ def test_a_new_user_gets_to_a_payload_verdict(
     expect(page.locator("#centre-limit")).to_have_value("30")
     begin_motion(page, "#begin")
     expect(page.locator("#job")).to_contain_text("continues; completed steps: rehearsal.")
+    page.locator("#warm-up").scroll_into_view_if_needed(timeout=LONG_MS)
     expect(page.locator(f"#warm-figure > {SHOWN_FIGURE}")).to_be_visible(timeout=LONG_MS)
     expect(page.locator("#result .verdict").first).to_contain_text(
         "✓ Passed: the payload's mass is 9.", timeout=LONG_MS
