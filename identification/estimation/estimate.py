@@ -76,7 +76,7 @@ class Estimate:
         periods: Number of averaged periods; 0 for "smoothed".
         cell_name: The cell in which the runs were recorded.
         run_ids: The runs used.
-        imported_rows: Hashes of some rows of the imported runs, by which the same rows are
+        imported_row_hashes: Hashes of some rows of the imported runs, by which the same rows are
             recognised in another import.
         still: Joints that no run moved: the estimate holds only at their positions.
         position_range: Shape (n, 2). Lowest and highest position of each joint in the runs [rad or
@@ -112,7 +112,7 @@ class Estimate:
     periods: int = 0
     cell_name: str = ""
     run_ids: tuple[str, ...] = ()
-    imported_rows: tuple[int, ...] = ()
+    imported_row_hashes: tuple[int, ...] = ()
     still: tuple[StillJoint, ...] = ()
     position_range: FloatArray | None = None
     gear_torque_nm: FloatArray | None = None

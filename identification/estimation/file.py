@@ -115,7 +115,7 @@ class EstimateDocument(SealedModel):
     software: str
     cell: str
     runs: tuple[str, ...]
-    imported_rows: tuple[Annotated[int, Field(ge=0)], ...]
+    imported_row_hashes: tuple[Annotated[int, Field(ge=0)], ...]
     method: Literal["periodic", "smoothed"]
     band_hz: Annotated[float, Field(gt=0.0)]
     standstill_rad_s: Size

@@ -52,7 +52,7 @@ def refuse_repeated_imports(data: Sequence[RunData]) -> None:
             )
 
 
-def sample_imported_rows(data: Sequence[RunData]) -> tuple[int, ...]:
+def sample_row_hashes(data: Sequence[RunData]) -> tuple[int, ...]:
     """Return hashes of rows that represent all rows of the imported runs; empty without imports.
 
     They are the smallest hashes, so that every part of a run contains its share of them. Each has

@@ -135,7 +135,7 @@ def _gear_notes(models: list[tuple[str, Estimate]]) -> list[str]:
 
 def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
     used = [
-        data.folder.run_id in each.run_ids or share_of_samples(each.imported_rows, data) > 0.0
+        data.folder.run_id in each.run_ids or share_of_samples(each.imported_row_hashes, data) > 0.0
         for each in (one, other)
     ]
     found = [

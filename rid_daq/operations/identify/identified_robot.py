@@ -49,7 +49,7 @@ from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.estimate import EstimateChecks, EstimateSection
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.repeated_imports import sample_imported_rows
+from rid_daq.runs.repeated_imports import sample_row_hashes
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.stated_gears import with_stated_gears
 
@@ -95,7 +95,7 @@ def identify_robot(
         RecordingError: A recording cannot be read.
     """
     request.refuse_contradictions()
-    imported_rows = sample_imported_rows(data)
+    imported_row_hashes = sample_row_hashes(data)
     data = with_stated_gears(data, request.gears)
     require_one_robot(data)
     how = _estimation_job(request, data)
@@ -114,7 +114,7 @@ def identify_robot(
         if error.refusal != "RID-STIFFNESS-UNSETTLED" or not request.diagnose:
             raise
         raise _with_mistakes(error, data, how) from None
-    estimate = replace(identified.estimate, imported_rows=imported_rows)
+    estimate = replace(identified.estimate, imported_row_hashes=imported_row_hashes)
     if rounded is not None:
         estimate, rounded = add_rounding_uncertainty(
             estimate, rounded, data, how, robot, comparison

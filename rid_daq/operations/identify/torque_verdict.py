@@ -170,7 +170,7 @@ def _predict_torques(request: ValidateRequest, estimate: Estimate, data: RunData
             " for the estimate",
             code="RID-VALIDATE-SAME-RUN",
         )
-    if share := share_of_samples(estimate.imported_rows, data):
+    if share := share_of_samples(estimate.imported_row_hashes, data):
         raise DataQualityError(
             f"{data.folder.path}: no verdict: this run contains about {100.0 * share:.0f} % of the"
             " rows from which the model was identified, imported again. Validate with rows that"

@@ -171,7 +171,7 @@ def test_rows_of_the_fit_are_recognised_in_another_recording(
         name="part",
     )
     model.save(tmp_path / "model.json")
-    assert len(model.estimate.imported_rows) == 256
+    assert len(model.estimate.imported_row_hashes) == 256
     with raises_code(DataQualityError, "RID-VALIDATE-SAME-RUN", " 53 %"):
         validate(Model.load(tmp_path / "model.json"), part)
 
