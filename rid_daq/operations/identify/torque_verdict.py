@@ -172,8 +172,8 @@ def _predict_torques(request: ValidateRequest, estimate: Estimate, data: RunData
         )
     if share := share_of_samples(estimate.imported_row_hashes, data):
         raise DataQualityError(
-            f"{data.folder.path}: no verdict: this run contains about {100.0 * share:.0f} % of the"
-            " rows from which the model was identified, imported again. Validate with rows that"
+            f"{data.folder.path}: no verdict: this run contains at least {100.0 * share:.0f} % of"
+            " the rows from which the model was identified, imported again. Validate with rows that"
             " were not used for the estimate",
             code="RID-VALIDATE-SAME-RUN",
         )
