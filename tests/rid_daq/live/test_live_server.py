@@ -296,8 +296,10 @@ def test_a_thousand_clients_use_bounded_memory_and_a_stop_still_works(
 
 
 def test_too_many_viewers_are_refused_with_retry_after(served: Served) -> None:
-    viewers = [served._ask_for_events() for _ in range(LIMITS.streams + 1)]
-    answers = [_parts(viewer.recv(65536)) for viewer in viewers]
+    viewers, answers = [], []
+    for _ in range(LIMITS.streams + 1):  # one by one: too many unanswered requests close the oldest
+        viewers.append(served._ask_for_events())
+        answers.append(_parts(viewers[-1].recv(65536)))
     for viewer in viewers:
         viewer.close()
     refused = [head for status, head, _ in answers if status == 503]
