@@ -202,6 +202,11 @@ def _of_all(sound: UserFiles) -> Iterator[InjectedMistake]:
         (),
         replace(sound, torque_nm=1e3 * sound.torque_nm),
     )
+    for name, delay_s in (("50 ms late", 0.05), ("80 ms early", -0.08)):
+        then_s = sound.time_s - delay_s
+        columns = [np.interp(then_s, sound.time_s, column) for column in sound.torque_nm.T]
+        late = replace(sound, torque_nm=np.column_stack(columns))
+        yield InjectedMistake(f"all torques {name}", (MistakeKind.TORQUE_TIME,), (), late)
     twice = replace(
         sound,
         time_s=np.repeat(sound.time_s, 2),

@@ -8,25 +8,23 @@ plateau, but the model predicts this plateau.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from identification.equations.candidate_equations import CandidateEquations
 from identification.equations.compared_joints import (
     ComparedJoint,
     Links,
-    candidate_equations,
     compared_joints,
     links_of_others,
     residual,
 )
-from identification.model.options import ModelOptions
 
 REACH_S: Final = 0.06
 TOP_SHARES: Final = (0.2, 0.1, 0.05, 0.02)
@@ -63,24 +61,15 @@ class ClippedTorque:
 
 
 def find_clipped_torques(
-    robot: RobotDescription,
-    signals: Sequence[SmoothedSignals],
-    options: ModelOptions,
-    standstill_rad_s: float,
-    coarse: Collection[str] = (),
+    robot: RobotDescription, equations: CandidateEquations, coarse: Collection[str] = ()
 ) -> tuple[ClippedTorque, ...]:
     """Return the torques that are clipped, compared with the motion and with the other joints.
 
     Args:
         robot: The robot.
-        signals: The recordings.
-        options: The terms of the model besides friction.
-        standstill_rad_s: Speed below which a joint does not count as moving [rad/s or m/s].
+        equations: Result of `candidate_equations` for the recordings.
         coarse: Joints whose torques are rounded so coarsely that they are not examined.
     """
-    equations = candidate_equations(robot, signals, options, standstill_rad_s)
-    if equations is None:
-        return ()
     none = TorqueChannel.none(equations.joints)
     known = [none.response(piece.frequency_hz) for piece in equations.pieces]
     joints = compared_joints(equations, known, REACH_S)

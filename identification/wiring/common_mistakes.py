@@ -18,6 +18,7 @@ from identification.wiring.mistakes import (
     Mistake,
     MistakeKind,
     factor_of_one,
+    late_torques,
     order_mistake,
     position_factor,
     reversed_joint,
@@ -26,6 +27,7 @@ from identification.wiring.mistakes import (
     torque_factor,
     zero_mistake,
 )
+from identification.wiring.signals import tried_delays_s
 
 OFFSET_STEPS: Final = 12
 TURN: Final = 2.0 * math.pi
@@ -54,6 +56,8 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
                 yield at_joints
     for factor in CLOCKS:
         yield replace(scale_mistake(MistakeKind.CLOCK, (), factor, n=n), clock=factor)
+    for delay_s in tried_delays_s():
+        yield late_torques(n, (), delay_s)
     for other in _conventions(robot):
         yield robot_mistake(MistakeKind.CONVENTION, (), other)
     for joints, other in _couplings(robot):

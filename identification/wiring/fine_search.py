@@ -23,6 +23,7 @@ from identification.wiring.mistakes import (
     Mistake,
     MistakeKind,
     factor_of_one,
+    late_torques,
     order_mistake,
     position_factor,
     robot_mistake,
@@ -30,7 +31,7 @@ from identification.wiring.mistakes import (
     torque_factor,
 )
 from identification.wiring.possible import keeps_limits
-from identification.wiring.signals import WiredSignals
+from identification.wiring.signals import WiredSignals, tried_delays_s
 from identification.wiring.trial import CondensedEquations
 
 LENGTHS: Final = (0.5, 0.625, 0.8, 1.25, 1.6, 2.0)
@@ -148,6 +149,8 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield order_mistake(MistakeKind.AXIS_ORDER, (j, j + 1), order)
     for clock in CLOCKS:
         yield replace(scale_mistake(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
+    for delay_s in tried_delays_s():
+        yield late_torques(n, (), delay_s)
 
 
 def _gear_factor(n: int, j: int, factor: float) -> Mistake:
@@ -213,6 +216,6 @@ def table_factors(
 
 
 def _supports_weight(mistake: Mistake, undone: WiredSignals, signals: WiredSignals) -> bool:
-    condensed = CondensedEquations.of(undone if mistake.moves else signals)
-    torque = np.eye(len(mistake.offset_rad)) if mistake.moves else mistake.torque
+    condensed = CondensedEquations.of(signals if mistake.multiplies else undone)
+    torque = mistake.torque if mistake.multiplies else np.eye(len(mistake.offset_rad))
     return condensed.supports_weight(mistake, torque)

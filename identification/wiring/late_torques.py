@@ -20,21 +20,19 @@ from typing import Final, Literal
 
 import numpy as np
 
-from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import ComplexArray, TorqueChannel
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from identification.equations.bus_delay import SLOWEST_BUS_CYCLE_S, longest_delay_s
+from identification.equations.bus_delay import SLOWEST_BUS_CYCLE_S
+from identification.equations.candidate_equations import CandidateEquations
 from identification.equations.compared_joints import (
     ComparedJoint,
     Links,
     block_means,
-    candidate_equations,
     compared_joints,
     links_of_others,
     residual,
 )
-from identification.model.options import ModelOptions
 from identification.regression.nested_choice import Gain
 
 FURTHEST_S: Final = 0.2
@@ -120,9 +118,8 @@ class _Found:
 
 def find_late_torques(
     robot: RobotDescription,
-    signals: Sequence[SmoothedSignals],
-    options: ModelOptions,
-    standstill_rad_s: float,
+    equations: CandidateEquations,
+    limit_s: float,
     channel: TorqueChannel | None = None,
     *,
     compare: bool = True,
@@ -131,16 +128,11 @@ def find_late_torques(
 
     Args:
         robot: The robot.
-        signals: The recordings.
-        options: The terms of the model besides friction.
-        standstill_rad_s: Speed below which a joint does not count as moving [rad/s or m/s].
+        equations: Result of `candidate_equations` for the recordings.
+        limit_s: Longest delay that a bus explains [s].
         channel: Delays and filters that the model contains; the delays are then in addition.
         compare: False if the robot's files are wrong, so that the joints contradict one another.
     """
-    equations = candidate_equations(robot, signals, options, standstill_rad_s)
-    if equations is None:
-        return ()
-    limit_s = longest_delay_s(signals[0].sample_period_s)
     channel = channel or TorqueChannel.none(equations.joints)
     known = [channel.response(piece.frequency_hz) for piece in equations.pieces]
     found: dict[int, _Found] = {}

@@ -33,6 +33,7 @@ class MistakeKind(StrEnum):
     DIRECTION = "direction"
     AXIS_ORDER = "order of axes"
     CLOCK = "clock"
+    TORQUE_TIME = "time of torques"
     CONVENTION = "convention"
     COUPLING = "coupling"
     MOUNTING = "mounting"
@@ -53,7 +54,7 @@ class Mistake:
             listed, joint i's signal is in the columns of joint `joints[i]`; otherwise the two are
             swapped.
         factor: Factor for the stated values; for a zero position the angle to add [rad], for a
-            clock the true seconds per second of the time stamps.
+            clock the true seconds per second of the time stamps, for late torques the delay [s].
         position, torque: Shape (n, n). Matrices from stated to true positions and torques.
         offset_rad: Shape (n,). Offset to add to positions [rad or m].
         clock: True seconds per second of the time stamps.
@@ -78,11 +79,21 @@ class Mistake:
         return self.kind is MistakeKind.POSITION_OFFSET and self.joints == (0,)
 
     @property
+    def delay_s(self) -> float:
+        """Delay of the torques of `changed` [s]."""
+        return self.factor if self.kind is MistakeKind.TORQUE_TIME else 0.0
+
+    @property
     def moves(self) -> bool:
         """True if the correction changes the motion or the robot, not only the torques."""
         n = len(self.offset_rad)
         still = np.array_equal(self.position, np.eye(n)) and not self.offset_rad.any()
         return self.robot is not None or self.clock != 1.0 or not still
+
+    @property
+    def multiplies(self) -> bool:
+        """True if the correction only multiplies the torques by a matrix, row by row."""
+        return not (self.moves or self.delay_s)
 
     @property
     def changes_torque(self) -> bool:
@@ -111,8 +122,14 @@ class Mistake:
     def correct(self, signals: WiredSignals) -> WiredSignals:
         """Return signals and robot with this mistake corrected."""
         right = signals.transform(self.position, self.offset_rad, self.clock)
-        torque_nm = signals.torque_nm @ self.torque.T
-        return replace(right, robot=self.robot or signals.robot, torque_nm=torque_nm)
+        torque_nm = signals.torque_recorded_later(self.delay_s, self.changed) @ self.torque.T
+        shifted_nm = None if signals.shifted_nm is None else signals.shifted_nm @ self.torque.T
+        return replace(
+            right,
+            robot=self.robot or signals.robot,
+            torque_nm=torque_nm,
+            shifted_nm=None if self.delay_s else shifted_nm,
+        )
 
 
 def scale_mistake(
@@ -183,3 +200,8 @@ def order_mistake(kind: MistakeKind, joints: tuple[int, ...], order: Sequence[in
 def robot_mistake(kind: MistakeKind, joints: tuple[int, ...], right: RobotDescription) -> Mistake:
     """Return a mistake of the robot file, from the correct robot."""
     return replace(scale_mistake(kind, joints, 1.0, n=len(right.joints)), robot=right)
+
+
+def late_torques(n: int, joints: tuple[int, ...], delay_s: float) -> Mistake:
+    """Return the mistake of late torques of some of n joints; no joints stand for all."""
+    return scale_mistake(MistakeKind.TORQUE_TIME, joints, delay_s, n=n)

@@ -159,7 +159,7 @@ def _best_common_mistake(
     some, model = signals.thin(), plain_model(signals)
     screened = CondensedEquations.of(some, model).trial(still)
     for mistake in _refine_zero_positions(some, mistakes):
-        if mistake.moves:
+        if not mistake.multiplies:
             undone = mistake.correct(some)
             own = model if mistake.robot is None else plain_model(undone)
             after = CondensedEquations.of(undone, own).trial(still)
@@ -170,8 +170,8 @@ def _best_common_mistake(
         undone = mistake.correct(signals)
         if not (keeps_limits(mistake, signals, undone) and keeps_torques(mistake, signals, undone)):
             continue
-        condensed = CondensedEquations.of(undone) if mistake.moves else stated
-        torque = still if mistake.moves else mistake.torque
+        condensed = stated if mistake.multiplies else CondensedEquations.of(undone)
+        torque = mistake.torque if mistake.multiplies else still
         after = condensed.trial(torque)
         if not after.far_better_than(before, few_data=few):
             continue

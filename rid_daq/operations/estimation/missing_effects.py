@@ -11,6 +11,8 @@ from config.column_file import each_column, has_few_values
 from config.errors import EstimationError
 from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
+from identification.equations.bus_delay import longest_delay_s
+from identification.equations.compared_joints import candidate_equations
 from identification.equations.segments import period_signals, thin_rows
 from identification.equations.stretches import smoothed_stretches
 from identification.estimation.estimate import Estimate
@@ -18,9 +20,10 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import channel_findings
-from identification.wiring.clipped_torques import find_clipped_torques
-from identification.wiring.late_torques import find_late_torques
+from identification.wiring.clipped_torques import ClippedTorque, find_clipped_torques
+from identification.wiring.late_torques import LateTorque, find_late_torques
 from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
+from rid_daq.operations.estimation.wiring_findings import WiringDiagnosis
 from rid_daq.runs.run_data import RunData
 
 FEW_VALUES: Final = 50
@@ -47,14 +50,14 @@ def find_missing_effects(
     data: Sequence[RunData],
     how: EstimationJob,
     comparison: ModelChoice | None,
-    *,
-    has_mistakes: bool,
+    wiring: WiringDiagnosis,
 ) -> MissingEffects:
     """Return findings on effects that an estimate lacks.
 
     Args:
         comparison: The model chosen by `--choose`; None without it.
-        has_mistakes: True if the robot's files or the wiring are probably wrong.
+        wiring: Mistakes that were found in files and wiring; with a mistake the joints contradict
+            one another, and a delay of all torques is not reported again for each joint.
     """
     stretches = _coarse_signals(estimate, data, how)
     coarse = [run for own in stretches for run in own]
@@ -62,26 +65,17 @@ def find_missing_effects(
         return MissingEffects()
     options = how.options
     channel = None if comparison is None else comparison.channel
-    clipped = (
-        ()
-        if has_mistakes
-        else find_clipped_torques(
-            estimate.robot,
-            coarse,
-            options.model,
-            options.standstill_rad_s,
-            _coarse_torques(data),
-        )
-    )
+    slowest = options.standstill_rad_s
+    equations = candidate_equations(estimate.robot, coarse, options.model, slowest)
+    clipped: tuple[ClippedTorque, ...] = ()
+    late: tuple[LateTorque, ...] = ()
+    if equations is not None:
+        limit_s = longest_delay_s(coarse[0].sample_period_s)
+        if not wiring.mistakes:
+            clipped = find_clipped_torques(estimate.robot, equations, _coarse_torques(data))
+        compare = not (wiring.mistakes or wiring.late_s)
+        late = find_late_torques(estimate.robot, equations, limit_s, channel, compare=compare)
     clipped_joints = tuple(each.joint for each in clipped)
-    late = find_late_torques(
-        estimate.robot,
-        coarse,
-        options.model,
-        options.standstill_rad_s,
-        channel,
-        compare=not has_mistakes,
-    )
     late = tuple(each for each in late if each.joint not in clipped_joints)
     findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
     if comparison is None:
@@ -91,7 +85,7 @@ def find_missing_effects(
     findings += [each.sentence for each in clipped]
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
-    if comparison is None and can_show_channel:
+    if comparison is None and can_show_channel and not wiring.late_s:
         findings += channel_findings(estimate.robot, coarse, options, named)
     return MissingEffects(
         tuple(findings),

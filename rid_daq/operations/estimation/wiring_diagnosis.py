@@ -9,8 +9,10 @@ from typing import Final
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
+from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
+from identification.equations.bus_delay import longest_delay_s
 from identification.estimation.estimate import Estimate
 from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
 from identification.wiring.moved_mass import moved_masses
@@ -20,7 +22,11 @@ from identification.wiring.signals import WiredSignals
 from identification.wiring.unconfirmed import unconfirmed_entries
 from rid_daq.blocks.formats import number
 from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
-from rid_daq.operations.estimation.wiring_findings import OTHER_ROBOT, WiringDiagnosis
+from rid_daq.operations.estimation.wiring_findings import (
+    OTHER_ROBOT,
+    WiringDiagnosis,
+    delay_words,
+)
 from rid_daq.report.mistake_entry import (
     Explanation,
     MistakeEntry,
@@ -44,6 +50,7 @@ _IN_MAP: Final[dict[MistakeKind, str]] = {
     MistakeKind.TORQUE_ORDER: "map: `torque` or `current` of {each}",
     MistakeKind.AXIS_ORDER: "map: the columns of {each}",
     MistakeKind.CLOCK: "map: `time.unit`, or `rate_hz`",
+    MistakeKind.TORQUE_TIME: "the logger: the time stamps of its torques, and its filters",
     MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
     MistakeKind.COUPLING: "robot file: `coupling`",
     MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
@@ -68,6 +75,7 @@ _LINES_OF_MAP: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.TORQUE_ORDER: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
     MistakeKind.AXIS_ORDER: ("map.yaml joints.*.position",),
     MistakeKind.CLOCK: ("map.yaml time.unit", "map.yaml rate_hz"),
+    MistakeKind.TORQUE_TIME: (),
     MistakeKind.TORQUE_UNIT: ("map.yaml units", "map.yaml joints.*.torque_constant_nm_per_a"),
     MistakeKind.TORQUE_QUANTITY: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
     MistakeKind.GRAVITY_REMOVED: ("map.yaml joints.*.torque", "map.yaml joints.*.current"),
@@ -95,6 +103,7 @@ _LINES_OF_CELL: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.TORQUE_ORDER: ("cell.yaml axes.*.node_id",),
     MistakeKind.AXIS_ORDER: ("cell.yaml axes.*.node_id",),
     MistakeKind.CLOCK: ("cell.yaml cycle_time_ms",),
+    MistakeKind.TORQUE_TIME: (),
     MistakeKind.TORQUE_UNIT: ("robot.yaml joints.*.gear_ratio",),
     MistakeKind.TORQUE_QUANTITY: (),
     MistakeKind.GRAVITY_REMOVED: (),
@@ -125,6 +134,7 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.TORQUE_ORDER: "cell file: `node_id` in {axes}",
     MistakeKind.AXIS_ORDER: "cell file: `node_id` in {axes}",
     MistakeKind.CLOCK: "cell file: `cycle_time_ms`",
+    MistakeKind.TORQUE_TIME: "the drives: the filters of their torque object (6077h)",
     MistakeKind.CONVENTION: "robot file: `kinematics.convention`",
     MistakeKind.COUPLING: "robot file: `coupling`",
     MistakeKind.MOUNTING: "robot file: `gravity_m_s2`",
@@ -142,6 +152,7 @@ def signals_for_diagnosis(
     how: EstimationJob,
     robot: RobotDescription,
     smoothed: Sequence[SmoothedSignals] = (),
+    channel: TorqueChannel | None = None,
 ) -> WiredSignals:
     """Return the signals in which mistakes are searched for.
 
@@ -153,10 +164,11 @@ def signals_for_diagnosis(
         how: Options of the estimate; only its highest frequency and its runs with a load are used.
         robot: The robot as its file describes it.
         smoothed: Result of `smoothed_runs` for all runs, if it is known.
+        channel: Delays and filters of the torques that the estimate contains.
     """
     empty = how.empty_runs(data)
     own = [each for each, item in zip(smoothed, data, strict=False) if item in empty]
-    return WiredSignals.of(robot, signals_of(empty, how, smoothed=own))
+    return WiredSignals.of(robot, signals_of(empty, how, channel, own))
 
 
 def diagnose_wiring(
@@ -175,12 +187,15 @@ def diagnose_wiring(
     if not search:
         return WiringDiagnosis(None, driving, weight, masses)
     imported, folder = run.import_report is not None, run.folder
-    mistakes = tuple(
-        mistake_entry(each, signals.robot, imported=imported, folder=folder)
-        for each in find_mistakes(signals, fine=_hides_mistakes(estimate))
-    )
-    unconfirmed = None if mistakes else unconfirmed_entries(signals)
-    return WiringDiagnosis(mistakes, driving, weight, masses, unconfirmed)
+    longest_s = longest_delay_s(float(np.median(np.diff(run.recording.time_s))))
+    mistakes, late_s = [], 0.0
+    for each in find_mistakes(signals, fine=_hides_mistakes(estimate)):
+        if 0.0 < abs(each.mistake.delay_s) <= longest_s:
+            late_s = each.mistake.delay_s
+        else:
+            mistakes.append(mistake_entry(each, signals.robot, imported=imported, folder=folder))
+    unconfirmed = None if mistakes or late_s else unconfirmed_entries(signals)
+    return WiringDiagnosis(tuple(mistakes), driving, weight, masses, unconfirmed, late_s)
 
 
 def _hides_mistakes(estimate: Estimate | None) -> bool:
@@ -319,6 +334,10 @@ def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
         MistakeKind.AXIS_ORDER: lambda: axes,
         MistakeKind.CLOCK: lambda: (
             f"one second of the time stamps lasts {number(mistake.factor, 3)} s"
+        ),
+        MistakeKind.TORQUE_TIME: lambda: (
+            f"all torques are {delay_words(mistake.delay_s)}"
+            + (", or pass a filter with this delay" if mistake.delay_s > 0.0 else "")
         ),
         MistakeKind.CONVENTION: lambda: (
             f"the kinematic table uses another convention than {robot.kinematics.convention}"

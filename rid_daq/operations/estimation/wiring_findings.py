@@ -26,6 +26,7 @@ class WiringDiagnosis:
         weight: Weight of the arm, computed from torques; None if the torques do not determine it.
         masses: Moving mass and holding force of each prismatic joint.
         unconfirmed: Entries of the files that the runs do not confirm; None if not examined.
+        late_s: Delay of all torques that a bus can explain; negative if they are early [s].
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
@@ -33,11 +34,19 @@ class WiringDiagnosis:
     weight: ArmWeight | None = None
     masses: tuple[MovedMass, ...] = ()
     unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
+    late_s: float = 0.0
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Sentences on physically impossible properties of the runs."""
+        """Sentences on late torques, and on physically impossible properties of the runs."""
         sentences = []
+        if self.late_s:
+            sentences.append(
+                f"All recorded torques are {delay_words(self.late_s)}; a bus"
+                f"{' or a filter' if self.late_s > 0.0 else ''} can explain this. The parameters"
+                " contain the effect: estimate it with `identify --choose`, or correct the time"
+                " stamps."
+            )
         if self.driving:
             sentences.append(
                 f"The friction of {join_words(list(self.driving))} has negative power, which is"
@@ -64,3 +73,8 @@ class WiringDiagnosis:
             f"If a cylinder or counterweight carries the weight on {join_words(joints)}, write"
             " `counterbalanced: true` for this joint in the robot file. "
         )
+
+
+def delay_words(delay_s: float) -> str:
+    """Return a delay in words; a negative one is early."""
+    return f"about {1e3 * abs(delay_s):.0f} ms {'late' if delay_s > 0.0 else 'early'}"

@@ -139,7 +139,7 @@ def identify_robot(
         )
     consistency, consistency_words = examine_consistency(estimate)
     missing = (
-        find_missing_effects(estimate, data, how, comparison, has_mistakes=bool(wiring.mistakes))
+        find_missing_effects(estimate, data, how, comparison, wiring)
         if request.diagnose
         else MissingEffects()
     )
@@ -238,7 +238,7 @@ def _diagnose(
     empty = how.empty_runs(data)
     if how.options.model.kind == "external" or not empty:
         return estimate, WiringDiagnosis()
-    signals = signals_for_diagnosis(data, how, data[0].robot, smoothed)
+    signals = signals_for_diagnosis(data, how, data[0].robot, smoothed, estimate.channel)
     if not search:
         return estimate, diagnose_wiring(signals, empty[0], estimate, search=False)
     with context.progress("Searching for mistakes", None, "steps") as shown:

@@ -32,7 +32,8 @@ function next(job) {
   if (job.kind !== "payload_session") return afterCheck(job, html`<a class="button main" href="#prepare">Start the session</a>`);
   if (job.state === "done") return [html`<a class="button main" href="#papers">Create the certificate</a>`];
   if (job.document?.session) return [html`<a class="button main" href="#values">What to do</a>`];
-  return job.document ? [html`<a class="button main" href=${resumed ? "#prepare" : "#resume-card"}>Resume the session</a>`] : [];
+  const began = job.document || job.state === "stopped"; // a process that was terminated leaves no document
+  return began ? [html`<a class="button main" href=${resumed ? "#prepare" : "#resume-card"}>Resume the session</a>`] : [];
 }
 const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 

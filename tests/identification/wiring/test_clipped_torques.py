@@ -12,6 +12,7 @@ from benchmarks.mistakes import recording_of
 from benchmarks.mistakes_made import UserFiles
 from benchmarks.sound_robots import SoundRecording, sound_run, sound_runs
 from config.load import load_robot
+from identification.equations.compared_joints import candidate_equations
 from identification.model.options import ModelOptions
 from identification.wiring.clipped_torques import ClippedTorque, find_clipped_torques
 
@@ -20,7 +21,9 @@ BAND_HZ, STANDSTILL_RAD_S = 10.0, 0.02
 
 def find(sound: SoundRecording) -> tuple[ClippedTorque, ...]:
     signals = [smooth_nonperiodic(recording_of(UserFiles.of(sound)), BAND_HZ)]
-    return find_clipped_torques(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    equations = candidate_equations(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    assert equations is not None
+    return find_clipped_torques(sound.robot, equations)
 
 
 @pytest.mark.parametrize("joint", range(4))

@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import bilinear, butter, filtfilt, lfilter
 
-from acquisition.processing.smoothing import smooth_nonperiodic
+from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
 from benchmarks.closed_loop import closed_loop
@@ -23,6 +23,9 @@ from benchmarks.mistakes_made import UserFiles
 from benchmarks.sound_robots import sound_run, sound_runs
 from config.arrays import FloatArray
 from config.load import load_cell, load_robot
+from config.robot.robot import RobotDescription
+from identification.equations.bus_delay import longest_delay_s
+from identification.equations.compared_joints import candidate_equations
 from identification.equations.deconvolution import smoothed_recording
 from identification.model.options import ModelOptions
 from identification.wiring.late_torques import LateTorque, find_late_torques
@@ -59,9 +62,18 @@ def recording() -> Recording:
     return closed_loop(CELL, CELL.plant, MOTION.plan(CELL.robot, CYCLE_S), 7)
 
 
+def found_in(
+    robot: RobotDescription, signals: SmoothedSignals, channel: TorqueChannel | None = None
+) -> tuple[LateTorque, ...]:
+    equations = candidate_equations(robot, [signals], ModelOptions(), STANDSTILL_RAD_S)
+    assert equations is not None
+    limit_s = longest_delay_s(signals.sample_period_s)
+    return find_late_torques(robot, equations, limit_s, channel)
+
+
 def find(recording: Recording, delay_ms: Sequence[float]) -> dict[str, float]:
-    signals = [smoothed_recording(late(recording, delay_ms), BAND_HZ)]
-    found = find_late_torques(CELL.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    signals = smoothed_recording(late(recording, delay_ms), BAND_HZ)
+    found = found_in(CELL.robot, signals)
     return {each.joint: 1e3 * each.delay_s for each in found if each.is_long}
 
 
@@ -84,8 +96,8 @@ def driven(seed: int) -> Driven:
 def find_effect(effect: Effect, seed: int) -> tuple[LateTorque, ...]:
     robot, case = ARMS["three"].description(), Case("three", "plain", "none", 42)
     changed = replace(driven(seed), torque_nm=effect(driven(seed).torque_nm))
-    signals = [smooth_nonperiodic(logged(case, changed, 0, robot)[0], BAND_HZ)]
-    return find_late_torques(robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    signals = smooth_nonperiodic(logged(case, changed, 0, robot)[0], BAND_HZ)
+    return found_in(robot, signals)
 
 
 @pytest.mark.parametrize("corner_hz", [1.0, 2.0, 3.0])
@@ -114,10 +126,10 @@ def test_a_delay_in_addition_to_a_known_filter_is_found() -> None:
     torque = driven(420).torque_nm
     filtered = lfilter(b, a, torque - torque[0], axis=0) + torque[0]
     run, _ = logged(case, replace(driven(420), torque_nm=filtered), 0, robot)
-    signals = [smooth_nonperiodic(run, BAND_HZ)]
+    signals = smooth_nonperiodic(run, BAND_HZ)
     lag_s = np.full(3, 0.028)
     channel = replace(TorqueChannel.none(3), lag_s=lag_s, lag_sigma_s=0.01 * lag_s)
-    found = find_late_torques(robot, signals, ModelOptions(), STANDSTILL_RAD_S, channel)
+    found = found_in(robot, signals, channel)
     assert [each.is_filtered for each in found] == [True] * 3
     assert [each.delay_s for each in found] == pytest.approx([0.05] * 3, abs=0.01)
 
@@ -135,8 +147,8 @@ def find_of_invented_arm(joint: int, effect: Effect) -> list[tuple[str, str, boo
     torque_nm = sound.torque_nm.copy()
     torque_nm[:, joint] = effect(torque_nm[:, joint])
     run = recording_of(UserFiles.of(replace(sound, torque_nm=torque_nm)))
-    signals = [smooth_nonperiodic(run, BAND_HZ)]
-    found = find_late_torques(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    signals = smooth_nonperiodic(run, BAND_HZ)
+    found = found_in(sound.robot, signals)
     return [(each.joint, each.kind, each.is_long) for each in found]
 
 
@@ -157,6 +169,6 @@ def test_a_torque_that_is_filtered_more_than_the_others_is_found(joint: int) -> 
 
 def test_nothing_is_found_in_sound_runs_of_invented_arms() -> None:
     for sound in sound_runs(6):
-        signals = [smooth_nonperiodic(recording_of(UserFiles.of(sound)), BAND_HZ)]
-        found = find_late_torques(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+        signals = smooth_nonperiodic(recording_of(UserFiles.of(sound)), BAND_HZ)
+        found = found_in(sound.robot, signals)
         assert found == ()

@@ -56,12 +56,18 @@ def identify(sound: SoundRecording, tmp_path_factory: pytest.TempPathFactory) ->
 
     Tests that use the same columns share the result.
     """
-    table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
 
     @cache
     def run_identify(
-        columns: tuple[int, ...], *rows: str, options: tuple[str, ...] = (), keys: str = MEANING
+        columns: tuple[int, ...],
+        *rows: str,
+        options: tuple[str, ...] = (),
+        keys: str = MEANING,
+        late_s: float = 0.0,
     ) -> Identified:
+        then_s = sound.time_s - late_s
+        late = [np.interp(then_s, sound.time_s, column) for column in sound.torque_nm.T]
+        table = np.column_stack([sound.time_s, sound.position, *late])
         folder = tmp_path_factory.mktemp("mistakes")
         np.savetxt(folder / "rec.csv", table, delimiter=",", fmt="%.9g")
         (folder / "map.yaml").write_text(MAP.format(*columns) + keys)
@@ -96,6 +102,18 @@ def test_torques_with_gravity_contradict_a_map_that_states_none(identify: Identi
     findings = [each for each in document["estimate"]["findings"] if "gravity_compensated" in each]
     assert len(findings) == 1
     assert not any("torques:" in each for each in identify(RIGHT).document["estimate"]["findings"])
+
+
+def test_late_torques_are_named_or_reported_if_a_bus_can_explain_the_delay(
+    identify: Identify,
+) -> None:
+    code, document, _ = identify(RIGHT, late_s=0.02)
+    assert (code, document["estimate"]["mistakes"]) == (0, [])
+    assert sum("20 ms late" in each for each in document["estimate"]["findings"]) == 1
+    code, document, _ = identify(RIGHT, late_s=0.06)
+    assert code == 6
+    (mistake,) = document["estimate"]["mistakes"]
+    assert (mistake["kind"], mistake["factor"]) == ("time of torques", 0.06)
 
 
 def test_a_short_recording_gives_wide_intervals_and_a_finding(

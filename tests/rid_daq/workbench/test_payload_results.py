@@ -101,9 +101,8 @@ def test_times_are_those_of_the_service_with_their_zone(
         local = started.astimezone(timezone(timedelta(hours=5, minutes=30)))
         expected = f"{local:%Y-%m-%d %H:%M}"
         go_to(page, "Runs")
-        expect(page.locator("#runs tbody tr", has_text=LABEL).first).to_contain_text(
-            f"{expected} GMT+5:30"
-        )
+        row = page.locator("#runs tbody tr", has=page.get_by_role("link", name=LABEL, exact=True))
+        expect(row).to_contain_text(f"{expected} GMT+5:30")
         page.get_by_role("link", name=LABEL, exact=True).click()
         expect(page.locator("dl.facts")).to_contain_text(f"{expected} IST")
         context.close()

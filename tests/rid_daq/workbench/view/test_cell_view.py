@@ -79,6 +79,7 @@ def test_a_still_scene_is_not_drawn_again(open_page: OpenPage) -> None:
     page = open_page()
     wait_for_picture(page)
     page.wait_for_timeout(500)  # a font or a style may still change the size
+    wait_until_drawn(page)
     drawn = page.evaluate(FRAMES)
     page.wait_for_timeout(1500)
     assert page.evaluate(FRAMES) == drawn
