@@ -214,6 +214,21 @@ interface PlannedView {
   knownPose: () => number[] | null;
 }
 
+/** Form of a kind of motion that is made from poses (pose_builder.js). */
+interface PoseForm {
+  label: string;
+  hint: string;
+  settings: PoseSetting[];
+}
+
+interface PoseSetting {
+  key: string;
+  label: string;
+  initial: number | number[];
+  factor: number;
+  choices: [string, number | number[]][];
+}
+
 interface RunTableOptions {
   pick?: ((event: Event) => void) | null;
   picked?: string[];

@@ -81,10 +81,10 @@ class PayloadSessionRequest(Request):
     periods: Annotated[
         Periods,
         Field(
-            description="Largest number of periods measured in each run, if the motion is designed;"
-            " a motion file states its own number."
+            description="Largest number of periods measured in each run of a designed motion; a"
+            " motion file and a resumed session contain their own number."
         ),
-        Option(group=LENGTHS),
+        Option(group=LENGTHS, unused_with=("motion", "resume")),
     ] = 18
     repeats: Annotated[
         Repeats, Field(description="Number of runs with the payload."), Option(group=LENGTHS)
