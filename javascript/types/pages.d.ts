@@ -192,6 +192,13 @@ interface RequestLimits {
 }
 
 /** A message with a held or tapped key. */
+/** Part of a text on a page; with an address it is a link. */
+interface PageWords {
+  words: string;
+  address?: string;
+  isCode?: boolean;
+}
+
 interface KeyMessage {
   job: string;
   held?: string;

@@ -51,8 +51,10 @@ class PayloadSessionRequest(Request):
 
     An interrupted session is continued with --resume: its motion and its recorded runs are used,
     and its original options apply unless they are given again. Confirmations, --without-axis-test
-    and --pace are not kept: give them again. The exit code is 1 if the payload fails its verdict,
-    6 if a run is not good enough or the torque of an axis is not explained.
+    and --pace are not kept: give them again.
+
+    In a terminal: exit code 1 if the payload fails its verdict, 6 if a run is not good enough or
+    the torque of an axis is not explained.
     """
 
     cell: CellName
