@@ -253,7 +253,7 @@ class PayloadSearch:
         falling = np.arange(1, self.harmonics + 1) ** -1.5
         decay = np.concatenate([[1.0], falling, falling])
         best, size = self.objective(coefficients), FIRST_STEP
-        for step in range(1, steps + 1):
+        for number in range(1, steps + 1):
             j = int(random.integers(len(coefficients)))
             step = size * self._ranges[1, j] * decay * random.standard_normal(len(decay))
             tried = coefficients.copy()
@@ -265,7 +265,7 @@ class PayloadSearch:
                 size = min(1.0, 1.3 * size)
             else:
                 size = max(LAST_STEP, 0.99 * size)
-            watch(step)
+            watch(number)
         return coefficients
 
 
