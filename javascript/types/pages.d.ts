@@ -264,6 +264,7 @@ interface JobPanelOptions {
 
 /** State of the panel for one job. */
 interface JobView {
+  begin: { title: string; done: number; at_s: number } | null;
   ahead: Map<number, JobEvent>;
   blocks?: ResultBlock[];
   count: string;
