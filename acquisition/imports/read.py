@@ -29,7 +29,7 @@ from acquisition.imports.grouped_digits import refuse_grouped_digits
 from acquisition.imports.header import number_columns
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
 from acquisition.imports.soundness import drop_copies, drop_unsound_rows
-from acquisition.imports.tables import read_tables
+from acquisition.imports.tables import Watch, read_tables
 from acquisition.imports.velocities import without_missing_velocities
 from acquisition.maps.import_map import ImportMap
 from acquisition.maps.time_column import numbered
@@ -54,6 +54,7 @@ def import_csv(
     *,
     further: Sequence[Path] = (),
     layout: ImportMap | None = None,
+    watch: Watch | None = None,
 ) -> tuple[Recording, ImportReport]:
     """Read CSV files with a map; damaged rows are left out and listed in the report.
 
@@ -74,6 +75,7 @@ def import_csv(
         further: The map's `further_files`.
         layout: Map of these files, if they were made from files of another kind; `import_map` then
             has the names of that source, which messages show.
+        watch: Function to call with the progress of the reading.
 
     Returns:
         The recording, and the report. The recording contains the sound rows, all in the main phase,
@@ -95,7 +97,7 @@ def import_csv(
     columns = ImportColumns.of(layout, robot)
     damaged: list[DamagedRow] = []
     optional = {numbered(j.velocity) for j in layout.joints if j.velocity is not None}
-    table = read_tables(files, layout, columns.columns, damaged, optional)
+    table = read_tables(files, layout, columns.columns, damaged, optional, watch)
     refuse_grouped_digits(file, layout, table, columns.columns)
     import_map, missing = without_missing_velocities(import_map, table)
     layout, _ = without_missing_velocities(layout, table)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +20,9 @@ from config.arrays import PIECE_ROWS
 from config.column_file import ColumnFile, selected_rows
 from config.errors import ConfigError, DataQualityError
 
+Watch = Callable[[Path, float], None]
+"""Function of the file that is being read, and of the fraction of its rows that has been read."""
+
 
 def read_tables(
     files: Sequence[Path],
@@ -27,6 +30,7 @@ def read_tables(
     columns: Sequence[int],
     damaged: list[DamagedRow],
     optional: Collection[int] = (),
+    watch: Watch | None = None,
 ) -> ImportTable:
     """Read files with a map; rows that are not numbers are reported and left out.
 
@@ -36,19 +40,20 @@ def read_tables(
         columns: Requested columns, counted through all files.
         damaged: List to which the dropped rows are appended, as rows of the first file.
         optional: Requested columns in which cells may be empty; an empty cell becomes NaN.
+        watch: Function to call with the progress.
 
     Raises:
         ConfigError: A file cannot be read, ends before the rows that the map requests, or, as a
             further file, has fewer than two readable rows.
         DataQualityError: A column with empty cells has values in fewer than two rows.
     """
-    first = read_table(files[0], import_map, 0, columns, damaged, optional, None)
+    first = read_table(files[0], import_map, 0, columns, damaged, optional, None, watch)
     for number, path in enumerate(files[1:], start=1):
         begin, end = import_map.first_columns[number : number + 2]
         if not any(begin <= column < end for column in columns):
             continue  # the file of a force plate
         origin = first.origin_ns
-        other = read_table(path, import_map, number, columns, [], optional, origin)
+        other = read_table(path, import_map, number, columns, [], optional, origin, watch)
         first = _append_columns(first, other, path, damaged)
     return first
 
@@ -61,12 +66,13 @@ def read_table(
     damaged: list[DamagedRow],
     optional: Collection[int],
     origin_ns: int | None,
+    watch: Watch | None = None,
 ) -> ImportTable:
     """Read one file; the columns that belong to other files are NaN.
 
     Args:
         path: The file.
-        import_map, columns, optional: As for `read_tables`.
+        import_map, columns, optional, watch: As for `read_tables`.
         number: Number of the file, from 0.
         damaged: List to which the dropped rows are appended, as rows of this file.
         origin_ns: Origin of the first file's time stamps [ns]; None for the first file.
@@ -89,6 +95,8 @@ def read_table(
     reader = RowReader(import_map, end - begin, wanted, may_be_empty, roles, stamps, damaged, most)
     for first, text in read_blocks(path):
         reader.add_block(first, text, row_range.first, last)
+        if watch is not None:
+            watch(path, reader.last_row / max(last, 1.0))
         if reader.last_row > last:
             break
     last_requested = row_range.last or row_range.first

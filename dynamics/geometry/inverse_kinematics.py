@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -17,6 +18,8 @@ TOLERANCE_M: Final = 1e-11
 LONGEST_STEP: Final = 0.3
 SINGULAR: Final = 1e-3
 STEP: Final = 1e-5
+STEP_M: Final = 0.05
+"""Largest distance of the points on a line whose poses are computed one after the other [m]."""
 
 
 def pose_near_path(
@@ -71,6 +74,30 @@ def follow_tool_path(
         pose = reach(chain, point, pose, rotation, what)
         found[number] = pose
     return found
+
+
+def poses_on_lines(
+    robot: RobotDescription, near: Sequence[float], points_m: FloatArray
+) -> tuple[tuple[float, ...], ...]:
+    """Return the poses at points of the tool, each reached from the previous one along a line.
+
+    Args:
+        robot: The robot.
+        near: Pose close to the first point, with the constant orientation, as in `pose_near_path`.
+        points_m: Shape (points, 3). Points in the base frame [m].
+
+    Raises:
+        ConfigError: `near` does not have one value per joint, or a point cannot be reached.
+    """
+    chain, pose, rotation = pose_near_path(robot, near)
+    place, found = points_m[0], []
+    for point in points_m:
+        steps = max(1, math.ceil(float(np.linalg.norm(point - place)) / STEP_M))
+        for step in range(1, steps + 1):
+            pose = reach(chain, place + (point - place) * step / steps, pose, rotation, "a point")
+        place = point
+        found.append(tuple(pose.tolist()))
+    return tuple(found)
 
 
 def reach(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
@@ -237,13 +238,22 @@ class PayloadSearch:
         lasting = np.sqrt(np.mean((shares @ self._links) ** 2, axis=0))
         return float(np.sum(np.maximum(lasting / LASTING_SHARE - 1.0, 0.0) ** 2))
 
-    def improve(self, coefficients: FloatArray, seed: int, steps: int) -> FloatArray:
-        """Return coefficients after random changes that improve the objective and stay clear."""
+    def improve(
+        self, coefficients: FloatArray, seed: int, steps: int, watch: Callable[[int], None]
+    ) -> FloatArray:
+        """Return coefficients after random changes that improve the objective and stay clear.
+
+        Args:
+            coefficients: Coefficients of the first motion.
+            seed: Seed of the changes.
+            steps: Number of changes tried.
+            watch: Function to call with the number of changes tried so far.
+        """
         random = np.random.default_rng(seed)
         falling = np.arange(1, self.harmonics + 1) ** -1.5
         decay = np.concatenate([[1.0], falling, falling])
         best, size = self.objective(coefficients), FIRST_STEP
-        for _ in range(steps):
+        for number in range(1, steps + 1):
             j = int(random.integers(len(coefficients)))
             step = size * self._ranges[1, j] * decay * random.standard_normal(len(decay))
             tried = coefficients.copy()
@@ -255,6 +265,7 @@ class PayloadSearch:
                 size = min(1.0, 1.3 * size)
             else:
                 size = max(LAST_STEP, 0.99 * size)
+            watch(number)
         return coefficients
 
 
@@ -265,6 +276,7 @@ def design_payload_motion(
     periods: int = 18,
     draws: int = DRAWS,
     steps: int = STEPS,
+    watch: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> FourierMotion:
     """Search for a motion that determines payloads well, and verify it, including its ramps.
 
@@ -276,6 +288,7 @@ def design_payload_motion(
         seed: Seed of draws and changes.
         periods: Number of recorded periods, after one for settling.
         draws, steps: Number of initial draws, and number of changes tried.
+        watch: Function to call with the numbers of steps done and of all steps.
 
     Raises:
         ConfigError: No draw determines the whole payload and stays clear of obstacles.
@@ -290,13 +303,20 @@ def design_payload_motion(
             periods=periods,
         ),
     )
-    starts = [(motion, search.coefficients_of(motion)) for motion in itertools.islice(drawn, draws)]
+
+    def improving(step: int) -> None:
+        watch(draws + step, draws + steps)
+
+    starts = []
+    for count, motion in enumerate(itertools.islice(drawn, draws), start=1):
+        starts.append((motion, search.coefficients_of(motion)))
+        watch(count, draws + steps)
     for motion, coefficients in sorted(starts, key=lambda start: search.objective(start[1])):
         if not math.isfinite(search.objective(coefficients)):
             break
         if not search.clearances.is_clear(search.path(coefficients)[0]):
             continue
-        found = search.motion_of(search.improve(coefficients, seed, steps), motion)
+        found = search.motion_of(search.improve(coefficients, seed, steps, improving), motion)
         if search.clearances.is_clear(found.plan(search.robot, search.sample_period_s).position):
             return found
     raise ConfigError(

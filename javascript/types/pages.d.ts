@@ -192,6 +192,13 @@ interface RequestLimits {
 }
 
 /** A message with a held or tapped key. */
+/** Part of a text on a page; with an address it is a link. */
+interface PageWords {
+  words: string;
+  address?: string;
+  isCode?: boolean;
+}
+
 interface KeyMessage {
   job: string;
   held?: string;
@@ -212,6 +219,21 @@ interface PlannedView {
   showPose: (position: number[]) => void;
   side: HTMLElement;
   knownPose: () => number[] | null;
+}
+
+/** Form of a kind of motion that is made from poses (pose_builder.js). */
+interface PoseForm {
+  label: string;
+  hint: string;
+  settings: PoseSetting[];
+}
+
+interface PoseSetting {
+  key: string;
+  label: string;
+  initial: number | number[];
+  factor: number;
+  choices: [string, number | number[]][];
 }
 
 interface RunTableOptions {
@@ -242,6 +264,7 @@ interface JobPanelOptions {
 
 /** State of the panel for one job. */
 interface JobView {
+  begin: { title: string; done: number; at_s: number } | null;
   ahead: Map<number, JobEvent>;
   blocks?: ResultBlock[];
   count: string;

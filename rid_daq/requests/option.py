@@ -41,6 +41,7 @@ class Option:
         endings: Allowed endings of an output file's name; any ending if empty.
         owned: True if only the service sets the field, not a client.
         needs: Name of the field without which this one has no effect.
+        unused_with: Names of the fields with which this one has no effect.
         hidden: True if the command line does not offer the field.
         separator: Separator of several values in one word of the command line.
         value: Value of the field if its option is given; the option then takes no value.
@@ -58,6 +59,7 @@ class Option:
     endings: tuple[str, ...] = ()
     owned: bool = False
     needs: str = ""
+    unused_with: tuple[str, ...] = ()
     hidden: bool = False
     separator: str = ""
     value: object = None
@@ -72,6 +74,7 @@ class Option:
             "x-unit": self.unit,
             "x-file": self.file,
             "x-needs": self.needs,
+            "x-unused-with": list(self.unused_with),
         }
         return {**handler(schema), **{key: value for key, value in own.items() if value}}
 

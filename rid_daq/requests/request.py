@@ -24,7 +24,7 @@ from rid_daq.requests.option import Option
 
 INVALID: Final = "RID-REQUEST-INVALID"
 _NOT_FINITE: Final = "finite_number"
-_NO_EFFECT: Final = "has no effect without {needs}; leave it out"
+_NO_EFFECT: Final = "has no effect {how} {other}; leave it out"
 _PROBLEMS: Final = {"missing": "is missing", "extra_forbidden": "is not a field of this request"}
 
 
@@ -85,11 +85,14 @@ class Request(BaseModel):
         return self
 
     @model_validator(mode="after")
-    def _require_needs(self) -> Self:
+    def _refuse_without_effect(self) -> Self:
         for name in self.model_fields_set:
-            needs = option_of(type(self).model_fields[name]).needs
-            if needs and not getattr(self, needs):
-                raise PydanticCustomError("needs", _NO_EFFECT, {"needs": needs, "where": name})
+            option = option_of(type(self).model_fields[name])
+            without = [each for each in (option.needs,) if each and not getattr(self, each)]
+            for other in [*without, *filter(self.__getattribute__, option.unused_with)]:
+                how = "without" if other == option.needs else "with"
+                context = {"how": how, "other": other, "where": name}
+                raise PydanticCustomError("no_effect", _NO_EFFECT, context)
         return self
 
 
@@ -218,8 +221,8 @@ def _first_problem(
     path = tuple(map(str, first["loc"])) + tuple(filter(None, [context.get("where")]))
     names = {each.path: each.flag for each in shown_fields(request)} if flags else {}
     name = _field_name(path, names)
-    needs = names.get((*path[:-1], str(context.get("needs"))), context.get("needs"))
-    text = _problem_text(first, needs)
+    other = names.get((*path[:-1], str(context.get("other"))), context.get("other"))
+    text = _problem_text(first, other)
     code = OUT_OF_RANGE if _is_out_of_range(first) else INVALID
     return ConfigError(": ".join(filter(None, (shown, name, text))), code=code)
 
@@ -241,12 +244,12 @@ def _field_name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> 
     return ".".join(path)
 
 
-def _problem_text(error: ErrorDetails, needs: str | None) -> str:
+def _problem_text(error: ErrorDetails, other: str | None) -> str:
     kind, value = error["type"], error["input"]
     if kind == _NOT_FINITE or (isinstance(value, float) and not math.isfinite(value)):
         return f"{value} is not a finite number: give a number"
-    if kind == "needs":
-        return _NO_EFFECT.format(needs=needs)
+    if kind == "no_effect":
+        return _NO_EFFECT.format(how=error["ctx"]["how"], other=other)
     if kind in _PROBLEMS:
         return _PROBLEMS[kind]
     if kind == "range":

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
@@ -41,6 +41,14 @@ class Progress(Protocol):
 
     def update(self, done: float, line: str) -> None:
         """Show the amount done, and the status `line`."""
+
+
+@contextmanager
+def working(display: Display, title: str) -> Iterator[None]:
+    """Show the title of a step whose progress is unknown, within a `with` block."""
+    with display.progress(title, None, "steps") as shown:
+        shown.update(0.0, "")
+        yield
 
 
 class Display(Protocol):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from http import HTTPStatus
+from typing import Final
 
 from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
@@ -14,6 +15,9 @@ from rid_daq.operations.operation import Operation
 from rid_daq.workbench.job_pages import cell_files
 from rid_daq.workbench.operation_form import form_sections
 from rid_daq.workbench.visit import PageRoute, Visitor
+
+IN_A_TERMINAL: Final = "In a terminal:"
+"""Beginning of a paragraph about keys, options and exit codes of a command."""
 
 router = APIRouter(
     prefix="/cells/{cell}/operations", route_class=PageRoute, include_in_schema=False
@@ -41,11 +45,17 @@ async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
     return visit.page(
         "operation.html",
         operation=shown,
-        description=str(inspect.getdoc(shown.request)).split("\n\n"),
+        description=_description(shown),
         needs=_needs(shown),
         sections=form_sections(shown),
         known=[each for group in lists for each in group],
     )
+
+
+def _description(shown: Operation) -> list[str]:
+    """Return the paragraphs of an operation's description, without those for the terminal."""
+    paragraphs = str(inspect.getdoc(shown.request)).split("\n\n")
+    return [each for each in paragraphs if not each.startswith(IN_A_TERMINAL)]
 
 
 def _needs(shown: Operation) -> str:

@@ -15,7 +15,7 @@ from acquisition.motion.kinds.fourier import (
     periodic_samples,
     require_duration,
 )
-from acquisition.motion.kinds.motion import Motion, Position, Seconds, ToolSpeed
+from acquisition.motion.kinds.motion import Motion, Poses, Position, Seconds, ToolSpeed
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import to_bins
 from config.arrays import FloatArray
@@ -23,7 +23,7 @@ from config.errors import ConfigError
 from config.plausible import Plausible
 from config.quantities import Place, Positive, Vector3
 from config.robot.robot import RobotDescription
-from dynamics.geometry.inverse_kinematics import follow_tool_path, pose_near_path
+from dynamics.geometry.inverse_kinematics import follow_tool_path, pose_near_path, poses_on_lines
 
 NEGLIGIBLE: Final = 1e-9
 POINTS: Final = 512
@@ -79,6 +79,14 @@ class CircleMotion(Motion):
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that evaluates the path error of a run on the circle."""
         return "tracking", run
+
+    def chosen_poses(self, robot: RobotDescription, most: int) -> Poses | None:
+        """Return the pose with the tool point in the centre; None if it cannot be reached."""
+        start = self.points(np.zeros(1))[0]
+        try:
+            return poses_on_lines(robot, self.near, np.array([start, self.centre_m]))[1:]
+        except ConfigError:
+            return None
 
     def points(self, fraction: FloatArray) -> FloatArray:
         """Return points [m] at fractions of the circle's length, 0 to 1; (len(fraction), 3)."""

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, Seconds
+from acquisition.motion.kinds.motion import Motion, Poses, Position, Seconds
 from acquisition.motion.kinds.pose_sequence import reachable_poses
 from acquisition.motion.paths.joint_spline import joint_spline
 from acquisition.motion.paths.speed import plan_speed, speed_limits
@@ -55,11 +55,9 @@ class JointPathMotion(Motion):
         """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
-    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+    def chosen_poses(self, robot: RobotDescription, most: int) -> Poses | None:
         """Return the poses of the file; None if there are more than `most`."""
-        if len(self.points) > most:
-            return None
-        return MotionPoses(self.points, self.speed_fraction, self.dwell_s)
+        return None if len(self.points) > most else self.points
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         poses = reachable_poses(self.points, robot)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Self, final
 
@@ -20,21 +19,8 @@ Position = Annotated[float, Plausible(0.0, 50.0, "rad or m")]
 Speed = Annotated[Positive, Plausible(1e-6, 60.0, "rad/s or m/s")]
 ToolSpeed = Annotated[Positive, Plausible(1e-5, 20.0, "m/s")]
 Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
-
-
-@dataclass(frozen=True)
-class MotionPoses:
-    """Poses of a motion, with its speed and its rests.
-
-    Attributes:
-        points: Poses, each with one position per joint, base to flange [rad or m].
-        speed: Fraction of the joints' limits; for lines of the tool point their speed [m/s].
-        dwell_s: Value of the motion's key for rests [s]; its meaning depends on the kind of motion.
-    """
-
-    points: tuple[tuple[float, ...], ...]
-    speed: float
-    dwell_s: float
+Poses = tuple[tuple[float, ...], ...]
+"""Poses, each with one position per joint, base to flange [rad or m]."""
 
 
 class Motion(PhysicalFile):
@@ -84,7 +70,7 @@ class Motion(PhysicalFile):
         """Return headings and one row per joint; None if `describe` names everything."""
         return None
 
-    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+    def chosen_poses(self, robot: RobotDescription, most: int) -> Poses | None:
         """Return the poses of a motion that consists of at most `most` poses; otherwise None."""
         return None
 

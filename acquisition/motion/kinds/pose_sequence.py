@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, refuse_longer
+from acquisition.motion.kinds.motion import Motion, Poses, Position, refuse_longer
 from acquisition.motion.ramps import move_duration, rest_to_rest
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray
@@ -44,11 +44,9 @@ class PoseSequenceMotion(Motion):
         """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
-    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+    def chosen_poses(self, robot: RobotDescription, most: int) -> Poses | None:
         """Return the poses of the file; None if there are more than `most`."""
-        if len(self.points) > most:
-            return None
-        return MotionPoses(self.points, self.speed_fraction, self.dwell_s)
+        return None if len(self.points) > most else self.points
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         """Return the rests and the moves between them.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, ToolSpeed, refuse_longer
+from acquisition.motion.kinds.motion import Motion, Poses, Position, ToolSpeed, refuse_longer
 from acquisition.motion.limits import refuse, violations
 from acquisition.motion.paths.sections import PathPoints, PathSection, path_sections
 from acquisition.motion.paths.segments import Blend, LineSegment, Segment
@@ -35,8 +35,14 @@ from config.errors import ConfigError
 from config.plausible import Plausible
 from config.quantities import Place, Positive
 from config.robot.robot import RobotDescription
-from dynamics.geometry.inverse_kinematics import PathSlopes, pose_near_path, reach, refine_positions
-from dynamics.geometry.kinematics import Chain, link_transforms
+from dynamics.geometry.inverse_kinematics import (
+    PathSlopes,
+    pose_near_path,
+    poses_on_lines,
+    reach,
+    refine_positions,
+)
+from dynamics.geometry.kinematics import Chain
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -46,8 +52,6 @@ FINE_M: Final = 0.001
 FEWEST: Final = 200
 MOST: Final = 20_000
 SLOWEST_SHARE: Final = 0.02
-STEP_M: Final = 0.05
-"""Largest distance of the points on a line whose poses are computed one after the other [m]."""
 
 
 class PathMotion(Motion):
@@ -90,25 +94,24 @@ class PathMotion(Motion):
         """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
-    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+    def chosen_poses(self, robot: RobotDescription, most: int) -> Poses | None:
         """Return the poses at the ends of the lines.
 
-        None if a segment is not a line, if there are more than `most` poses, if `near` does not
-        have one value per joint, or if a point cannot be reached. In the last two cases, planning
-        the motion raises an error that names the cause.
+        None if a segment is not a line, or has its own speed or blend, if there are more than
+        `most` poses, or if a point cannot be reached. In the last case, planning the motion raises
+        an error that names the cause.
         """
-        ends = [each.to_m for each in self.segments if isinstance(each, LineSegment)]
-        if (
-            len(ends) < len(self.segments)
-            or len(ends) >= most
-            or len(self.near) != len(robot.joints)
-        ):
+        ends = [
+            each.to_m
+            for each in self.segments
+            if isinstance(each, LineSegment) and each.speed_m_s is None and each.blend_m is None
+        ]
+        if len(ends) < len(self.segments) or len(ends) >= most:
             return None
         try:
-            points = _poses_at(np.array([self.start_m, *ends]), np.array(self.near), robot)
+            return poses_on_lines(robot, self.near, np.array([self.start_m, *ends]))
         except ConfigError:
             return None
-        return MotionPoses(points, self.speed_m_s, self.dwell_s)
 
     def sections(self) -> tuple[PathSection, ...]:
         """Return the parts of the path from rest to rest.
@@ -289,30 +292,3 @@ def _refuse_reduced_speed(
         " keep_speed",
         code="RID-MOTION-LIMIT",
     )
-
-
-def _poses_at(
-    tool_m: FloatArray, near: FloatArray, robot: RobotDescription
-) -> tuple[tuple[float, ...], ...]:
-    """Return the poses at points of the tool, each reached from the one before along a line.
-
-    Args:
-        tool_m: Shape (points, 3). Points in the base frame [m].
-        near: Shape (n,). Pose close to the first point, with the constant orientation.
-        robot: The robot.
-
-    Raises:
-        ConfigError: A point cannot be reached.
-    """
-    chain = Chain.from_description(robot)
-    rotation = None
-    if len(near) != 3:
-        rotation = link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
-    pose, place, found = near, tool_m[0], []
-    for point in tool_m:
-        steps = max(1, math.ceil(float(np.linalg.norm(point - place)) / STEP_M))
-        for step in range(1, steps + 1):
-            pose = reach(chain, place + (point - place) * step / steps, pose, rotation, "a point")
-        place = point
-        found.append(tuple(pose.tolist()))
-    return tuple(found)

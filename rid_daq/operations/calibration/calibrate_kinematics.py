@@ -56,8 +56,10 @@ class CalibrateKinematicsRequest(Request):
     An instrument, such as a laser tracker, measures one point on the last link in many poses at
     rest. The table of poses has a column for each joint (axis1 or axis1_rad, axis1_deg) and x_m,
     y_m, z_m (or x_mm, y_mm, z_mm); optional are sigma_m, load_kg and valid. The frame of the
-    instrument is unknown. The result is judged by poses that the fit did not use; the exit code is
-    1 if the calibration does not reduce their errors, or if an error contradicts it.
+    instrument is unknown. The result is judged by poses that the fit did not use. It fails if the
+    calibration does not reduce their errors, or if an error contradicts it.
+
+    In a terminal: exit code 1 if the result fails.
     """
 
     robot: RobotName

@@ -24,10 +24,12 @@ class AxesRequest(Request):
     While you hold the key or button, one axis moves by at most 2 degrees (5 mm) at 2 % of its speed
     limit; it stops when you release it. You answer in which direction the axis moved and about how
     far, and your answer is compared with the drive's encoder. A mismatch is reported with the line
-    of the file to change (exit code 1). Axes that pass are recorded in the state folder of this
-    user account, except those of a bundled cell. On a real cell all other motions except `jog`
-    require this record, unless --without-axis-test waives it. The record becomes invalid if the
-    cell file or the robot file changes.
+    of the file to change. Axes that pass are recorded in the state folder of this user account,
+    except those of a bundled cell. On a real cell all other motions except `jog` require this
+    record, unless a request waives it. The record becomes invalid if the cell file or the robot
+    file changes.
+
+    In a terminal: exit code 1 after a mismatch; --without-axis-test waives the record.
     """
 
     cell: CellName

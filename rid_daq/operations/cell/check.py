@@ -38,7 +38,9 @@ class CheckRequest(Request):
     read too. If axes name EDS files, these files are checked first: if an EDS lacks a required
     object, no drive is contacted, and nothing is written to a drive that differs from its EDS.
     Positions are compared with the joints' limits and with the pose in which the last run left the
-    robot. The exit code is 3 if a line is red, or that of an error that ended the check early.
+    robot.
+
+    In a terminal: exit code 3 if a line is red, or that of an error that ended the check early.
     """
 
     cell: CellName

@@ -23,13 +23,15 @@ if TYPE_CHECKING:
 class JogRequest(Request):
     """Move one joint at a time while a key is held; the robot stops when the key is released.
 
-    On a page, buttons replace the keys. In a terminal, digits choose a joint, + and - move it while
-    they are held, h goes to the home pose, q ends. The path is checked before it is driven: it ends
-    before a joint's limit, and before two bodies come too close. A key counts as held from its
-    second repeat on, and for 0.2 s after the last repeat. The process of the cyclic task checks the
-    key in every cycle. The robot therefore also stops if this program is suspended, and its drives
-    are switched off if this program is killed. After a minute without a key the drives are switched
-    off. Ctrl-C or STOP is a quick stop. The key is not an enabling device.
+    The path is checked before it is driven: it ends before a joint's limit, and before two bodies
+    come too close. A key counts as held from its second repeat on, and for 0.2 s after the last
+    repeat. The process of the cyclic task checks the key in every cycle. The robot therefore also
+    stops if this program is suspended, and its drives are switched off if this program is killed.
+    After a minute without a key the drives are switched off. STOP is a quick stop. The key is not
+    an enabling device.
+
+    In a terminal: digits choose a joint, + and - move it while they are held, h goes to the home
+    pose, q ends. Ctrl-C is a quick stop.
     """
 
     cell: CellName

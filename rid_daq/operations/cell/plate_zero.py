@@ -25,11 +25,12 @@ class PlateZeroRequest(Request):
 
     The robot moves. The plate is read, axis 1 turns by half a turn, the plate is read, axis 1 turns
     back, and the plate is read again. The amplifier is reset while the robot rests in the first
-    pose, and operates from then on. After half a turn, half the sum of the first two
-    readings is the offset, half their difference the moment of gravity; the third reading shows the
-    drift. If the limits of axis 1 do not allow half a turn, it turns as far as they allow, and the
-    offset is less accurate. The
-    lines for the cell file are printed. The exit code is 1 if the zero fails its check.
+    pose, and operates from then on. After half a turn, half the sum of the first two readings is
+    the offset, half their difference the moment of gravity; the third reading shows the drift. If
+    the limits of axis 1 do not allow half a turn, it turns as far as they allow, and the offset is
+    less accurate. The lines for the cell file are printed.
+
+    In a terminal: exit code 1 if the zero fails its check.
     """
 
     cell: CellName

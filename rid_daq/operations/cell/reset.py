@@ -20,8 +20,9 @@ class ResetRequest(Request):
     """Reset the faults of a cell's drives after you have found and removed their causes.
 
     By itself, the program resets a fault only if its own test of the drive has caused it. No power
-    is switched on and nothing moves; the next motion needs the whole preflight again. The exit code
-    is 3 if a drive stays in fault.
+    is switched on and nothing moves; the next motion needs the whole preflight again.
+
+    In a terminal: exit code 3 if a drive stays in fault.
     """
 
     cell: CellName

@@ -26,8 +26,10 @@ class WatchRequest(Request):
 
     The drives are configured and read back as before a motion, and SYNC is sent in every cycle. No
     drive is switched on and nothing moves, but an arm without brakes can be moved by hand. In a
-    service, the page of the live signals shows the values. STOP, `rid-daq stop` and Ctrl-C end the
-    operation. Nothing is recorded.
+    service, the page of the live signals shows the values. STOP ends the operation. Nothing is
+    recorded.
+
+    In a terminal: `rid-daq stop` and Ctrl-C end it too.
     """
 
     cell: CellName

@@ -197,8 +197,10 @@ class DesignRequest(Request):
     is given or the robot file has `cad`. Without --budget, the same seed and number of starts give
     the same file. `two-harmonic` generates many random motions with one low and one high harmonic
     per axis, and takes the best; it does not check torques. The written motion keeps the limits on
-    position, speed and acceleration also in its ramps. Ctrl-C, or the end of the job on a page,
-    ends the search of `optimal` with the best motion found so far (exit code 130).
+    position, speed and acceleration also in its ramps. If the search of `optimal` is ended early,
+    the result is the best motion found so far.
+
+    In a terminal: Ctrl-C ends the search (exit code 130).
     """
 
     cell: CellName

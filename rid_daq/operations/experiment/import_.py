@@ -47,11 +47,13 @@ class ImportRequest(Request):
     The recording is one or more CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag or an MCAP file.
     Damaged rows are listed, counted and left out; so are rows that repeat the previous row while
     the robot moves. Time stamps need not be uniform. If recorded velocities show that the time
-    stamps are wrong, the times are reconstructed. The import is refused with exit code 6 if too
-    much of a recording is damaged, or if its values are impossible for the named robot.
+    stamps are wrong, the times are reconstructed. The import is refused if too much of a recording
+    is damaged, or if its values are impossible for the named robot.
 
     Without --map, --robot ROBOT proposes a map for the file and writes it, with the reasons. Check
     the map, then import with it.
+
+    In a terminal: exit code 6 if the import is refused for these reasons.
     """
 
     file: Annotated[
@@ -81,7 +83,7 @@ class ImportRequest(Request):
         Path | None,
         Field(
             description="File for the proposed map. If not set: the recording's name with the"
-            " ending .map.yaml, in the current folder."
+            " ending .map.yaml."
         ),
         Option(metavar="FILE", group=FILES, file="output", endings=(".yaml",), needs="robot"),
     ] = None
@@ -154,14 +156,14 @@ def _run_document(run: ImportedRun) -> dict[str, object]:
     }
 
 
-def run(request: ImportRequest, _context: Context) -> ImportResult | MapProposal:
+def run(request: ImportRequest, context: Context) -> ImportResult | MapProposal:
     """Import the files, or propose a map for them."""
     from rid_daq.operations.experiment.imported_runs import import_files
     from rid_daq.operations.experiment.map_proposal import write_proposal
 
     if request.map is None:
         return write_proposal(request)
-    return ImportResult(import_files(request))
+    return ImportResult(import_files(request, context))
 
 
 OPERATION: Final = Operation(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from acquisition.imports.lines import LARGEST_FILE_BYTES
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
+from acquisition.imports.tables import Watch
 from acquisition.journal.cycles import write_imported
 from acquisition.journal.imported_plate import write_imported_plate
 from acquisition.journal.plate import PLATE_RECORDING
@@ -24,12 +28,16 @@ from config.load import to_yaml
 from config.robot.robot import RobotDescription
 from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
 from rid_daq.operations.experiment.imported_plate import align_plate
+from rid_daq.operations.operation import Context
 from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import write_map_origin
 from rid_daq.runs.run_data import IMPORT, MAP, ROBOT, SOURCES, RunData, result_of
 from rid_daq.session.session import as_label, mark_unfinished
 from rid_daq.session.versions import software_versions
+
+WATCHED_BYTES: Final = 20_000_000
+"""Size of files from which the progress of the reading is shown: about 1 s of computing [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +49,12 @@ class ImportedRun:
     page: Path
 
 
-def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
+def import_files(request: ImportRequest, context: Context | None = None) -> tuple[ImportedRun, ...]:
     """Import files; all parts are read before the first run folder is made.
+
+    Args:
+        request: The files, their map, and the ranges of rows.
+        context: Shows the progress, if given.
 
     Raises:
         ConfigError: A file or the map cannot be read, they do not match, the number of labels
@@ -88,21 +100,23 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
             files, layout = write_array_tables(files, import_map, Path(place))
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
         layouts = [layout.model_copy(update={"rows": rows}) for rows in ranges]
-        read = [
-            align_plate(
-                files,
-                numbered,
-                robot,
-                *import_csv(
-                    files[0],
-                    each,
+        with _watched(context, files) as watch:
+            read = [
+                align_plate(
+                    files,
+                    numbered,
                     robot,
-                    further=files[1:],
-                    layout=None if layout is import_map else numbered,
-                ),
-            )
-            for each, numbered in zip(maps, layouts, strict=True)
-        ]
+                    *import_csv(
+                        files[0],
+                        each,
+                        robot,
+                        further=files[1:],
+                        layout=None if layout is import_map else numbered,
+                        watch=watch,
+                    ),
+                )
+                for each, numbered in zip(maps, layouts, strict=True)
+            ]
         stem = files[0].stem
         names = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
         labels = request.label or map(as_label, [stem] if len(ranges) == 1 else names)
@@ -118,6 +132,24 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
             )
             for label, numbered, (recording, report) in zip(labels, layouts, read, strict=True)
         )
+
+
+@contextmanager
+def _watched(context: Context | None, files: Sequence[Path]) -> Iterator[Watch | None]:
+    """Yield a function that shows the progress of the reading of large files; None for others."""
+    if (
+        context is None
+        or sum(file.stat().st_size for file in files if file.is_file()) < WATCHED_BYTES
+    ):
+        yield None
+        return
+    with context.progress("Reading", 100.0, "%") as shown:
+
+        def show(file: Path, share: float) -> None:
+            line = file.name if share < 1.0 else f"{file.name}; checking and writing the rows"
+            shown.update(100.0 * min(share, 1.0), line)
+
+        yield show
 
 
 def _parse_range(rows: str) -> RowRange:

@@ -45,11 +45,13 @@ SINGLE_PERIODS: Final = (
 class RecordRequest(Request):
     """Perform a motion on a cell and record it into a new run folder.
 
-    The motion is checked against the limits before anything moves (exit code 3), against those of
-    torque only with --model. Ctrl-C or STOP stops the robot (quick stop, then power off) and keeps
-    the recorded rows; it is not an emergency stop. The exit code is 1 if a goal of --until is not
-    reached by the last period. It is 6 if more than 2 % of a drive's answers were lost, or if more
-    than 5 periods of a periodic motion are bad or fewer than 2 are good.
+    The motion is checked against the limits before anything moves, against those of torque only
+    with --model. STOP stops the robot (quick stop, then power off) and keeps the recorded rows; it
+    is not an emergency stop. The recording is not good enough if more than 2 % of a drive's answers
+    were lost, or if more than 5 periods of a periodic motion are bad or fewer than 2 are good.
+
+    In a terminal: Ctrl-C is STOP. Exit code 3 if the motion is refused, 1 if a goal of --until is
+    not reached by the last period, 6 if the recording is not good enough.
     """
 
     cell: CellName

@@ -35,10 +35,12 @@ if TYPE_CHECKING:
 class CompareRequest(Request):
     """Compare two runs or models of the same robot: parameters with intervals, predicted torques.
 
-    Differences are given in standard deviations. The exit code is 1 if a difference is larger than
-    noise explains: the robot, its load or its surroundings have changed, or a model lacks an
+    Differences are given in standard deviations. A difference that is larger than noise explains
+    shows that the robot, its load or its surroundings have changed, or that a model lacks an
     effect. Of two runs, their conditions, verdicts and residuals are compared too. If neither run
     has a model, only these are compared, and nothing is judged.
+
+    In a terminal: exit code 1 after such a difference.
     """
 
     first: Annotated[

@@ -24,8 +24,9 @@ class FrictionRequest(Request):
     RUN is a recording of a motion at constant speeds, or of a path that is driven forward and
     backward; `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion.
     Several runs of one robot are evaluated together. With --against, the friction of other runs is
-    shown for comparison, such as that of a cold robot. The exit code is 6 if no model fits
-    the friction of a joint.
+    shown for comparison, such as that of a cold robot.
+
+    In a terminal: exit code 6 if no model fits the friction of a joint.
     """
 
     run: RunNames

@@ -52,6 +52,7 @@ from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.repeated_imports import sample_row_hashes
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.stated_gears import with_stated_gears
+from rid_daq.terminal.context import working
 
 
 @dataclass(frozen=True)
@@ -105,11 +106,13 @@ def identify_robot(
         how = replace(how, options=options, has_rounded_positions=True)
     if how.options.model.kind != "external":
         require_torques(data)
-    smoothed = smoothed_runs(data, how)
+    with working(context, "Filtering the recordings"):
+        smoothed = smoothed_runs(data, how)
     comparison = _choose_model(data, how, context, smoothed) if request.choose else None
     robot = None if comparison is None else comparison.robot(data[0].robot)
     try:
-        identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
+        with working(context, "Estimating the parameters"):
+            identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
     except EstimationError as error:
         if error.refusal != "RID-STIFFNESS-UNSETTLED" or not request.diagnose:
             raise
@@ -138,11 +141,10 @@ def identify_robot(
             identified.plate_mistake,
         )
     consistency, consistency_words = examine_consistency(estimate)
-    missing = (
-        find_missing_effects(estimate, data, how, comparison, wiring)
-        if request.diagnose
-        else MissingEffects()
-    )
+    missing = MissingEffects()
+    if request.diagnose:
+        with working(context, "Searching for missing effects"):
+            missing = find_missing_effects(estimate, data, how, comparison, wiring)
     run_ids = [item.folder.run_id for item in data]
     findings = [
         *wiring.sentences,

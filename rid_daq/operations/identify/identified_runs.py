@@ -31,6 +31,7 @@ from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output, register_output
 from rid_daq.runs.run_data import RunData, clock_sections, result_of, show_defects
 from rid_daq.terminal.choices import MODEL
+from rid_daq.terminal.context import working
 
 BAD_FIT = "Failed: the model does not explain this run"
 MISTAKEN = "Failed: a file of this run is probably wrong"
@@ -100,7 +101,8 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     request.refuse_contradictions()
     refuse_output(request.output, request.overwrite, made_file.MODEL)
     found = find_runs(request.runs, list(request.names))
-    data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
+    with working(context, "Reading the runs"):
+        data = tuple(RunData.load(folder, unfinished=request.unfinished) for folder in found)
     notes = show_defects(context, data)
     robot = identify_robot(request, data, context)
     first, section, plate = data[0], robot.section, robot.plate

@@ -25,9 +25,11 @@ BASE: Final = "Reaction on the base"
 class ValidateRequest(Request):
     """Predict a run's torques with a model, and compare the error of each axis with its limit.
 
-    The exit code is 1 if an axis, or the reaction on the base, exceeds its limit. It is 6 if the
-    run allows no verdict: the model was identified from its rows, a torque was not measured, or the
+    The model fails if an axis, or the reaction on the base, exceeds its limit. There is no verdict
+    if the model was identified from the rows of the run, if a torque was not measured, or if the
     robot moves for less than 5 s in all runs together.
+
+    In a terminal: exit code 1 if the model fails, 6 without a verdict.
     """
 
     model: Annotated[

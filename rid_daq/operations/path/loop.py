@@ -33,7 +33,9 @@ class LoopRequest(Request):
     periods of a multisine with velocity commands. Intervals are two standard deviations, from the
     differences between periods and between realisations. The stability margins are those of
     current, velocity and position loop together. The report of the run contains all values and
-    plots. The exit code is 6 if inertia and damping do not explain the response of a joint.
+    plots.
+
+    In a terminal: exit code 6 if inertia and damping do not explain the response of a joint.
     """
 
     run: RunName

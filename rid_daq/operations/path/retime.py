@@ -38,7 +38,9 @@ class RetimeRequest(Request):
     The path is unchanged. Its speed follows from the limits of the robot file (speed, acceleration
     and torque of each joint) and from the options below. Every row of the result is checked with
     the model. Nothing moves: the result is a motion file for the cycle time of this cell. If a
-    limit cannot be kept, the message names it and, if known, the pose (exit code 3).
+    limit cannot be kept, the message names it and, if known, the pose.
+
+    In a terminal: exit code 3 if a limit cannot be kept.
     """
 
     cell: CellName

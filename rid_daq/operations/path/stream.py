@@ -36,8 +36,8 @@ class StreamOptions(Request):
     compensated: Annotated[
         bool,
         Field(
-            description="False (`--plain`): the feedforward is only the velocity of the path,"
-            " without compensation by the model."
+            description="False: the feedforward is only the velocity of the path, without"
+            " compensation by the model."
         ),
         Option(flag="plain", value=False),
     ] = True
@@ -58,7 +58,9 @@ class StreamRequest(Request):
 
     The path comes from a motion file, or point by point from another program over a local socket.
     Every point is checked before it is driven. If points stop arriving, or a point is invalid, the
-    robot slows down along the points that it already has until it rests (exit code 4 or 5).
+    robot slows down along the points that it already has until it rests.
+
+    In a terminal: exit code 4 or 5 after such an end.
     """
 
     cell: CellName

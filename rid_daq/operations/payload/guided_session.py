@@ -165,9 +165,15 @@ def _begin_session(
     else:
         cycle_s = loaded.config.cycle_time_s
         period_s = round(PERIOD_S / cycle_s) * cycle_s
-        context.say("Designing a motion for payloads; this can take a minute.")
         search = PayloadSearch(loaded.robot, period_s, cycle_s, workspace=loaded.config.workspace)
-        motion = design_payload_motion(search, seed=request.seed, periods=request.periods)
+        context.say("Designing a motion for payloads; this can take a minute.")
+        with context.progress("Designing", 100.0, "%") as shown:
+            motion = design_payload_motion(
+                search,
+                seed=request.seed,
+                periods=request.periods,
+                watch=lambda done, total: shown.update(100.0 * done / total, ""),
+            )
     facts: dict[str, JsonValue] = {"robot": loaded.robot.name, "cell": loaded.config.name}
     folder = RunFolder.create(
         request.runs,

@@ -26,10 +26,15 @@ from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, all_defects, result_of
 from rid_daq.terminal.choices import PAYLOAD
+from rid_daq.terminal.context import Context, working
 
 
-def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
+def identify_payload_runs(request: PayloadIdentifyRequest, context: Context) -> IdentifiedPayload:
     """Identify a payload from runs; write its file, and a report into the first run with it.
+
+    Args:
+        request: The request.
+        context: Shows the present step.
 
     Raises:
         ConfigError: The procedure does not fit the model, or the runs do not belong together.
@@ -40,7 +45,8 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     known = tuple(each.known() for each in request.known)
     names = [*request.unloaded, *request.loaded]
     folders = find_runs(request.runs, names)
-    data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
+    with working(context, "Reading the runs"):
+        data = [RunData.load(folder, unfinished=request.unfinished) for folder in folders]
     notes = all_defects(data)
     require_torques(data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
@@ -48,7 +54,8 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     asked = payload_request_of(request, robot, known)
     first = data[flags.index(True)]
     result = result_of(first, notes).with_sections(title=f"Payload on {first.robot.name}")
-    payload, repeats = estimate_payload(data, flags, asked)
+    with working(context, "Estimating the payload"):
+        payload, repeats = estimate_payload(data, flags, asked)
     path = request.output or first.folder.file(PAYLOAD)
     write_payload(path, payload)
     findings = [*compare_with_truth(data, flags, payload), *gear_findings(data, asked)]

@@ -154,9 +154,11 @@ def _of_percent(value: object, info: ValidationInfo) -> object:
 class PayloadIdentifyRequest(Request):
     """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
 
-    Friction is estimated separately in every run. The exit code is 6 if the torque of an axis is
-    not explained, and 1 if the payload fails its verdict for another reason. Parameters that the
-    motion does not determine are named, with a motion that would determine them.
+    Friction is estimated separately in every run. Parameters that the motion does not determine are
+    named, with a motion that would determine them.
+
+    In a terminal: exit code 6 if the torque of an axis is not explained, 1 if the payload fails its
+    verdict for another reason.
     """
 
     loaded: Annotated[
@@ -197,9 +199,9 @@ class PayloadIdentifyRequest(Request):
         TorqueConstantSigma | None,
         BeforeValidator(_of_percent),
         Field(
-            description="Standard deviation of each torque constant, as a fraction of its value"
-            " (in percent in a terminal). It widens the intervals. Default: 1 %; `apart`"
-            " treats torque constants as exact."
+            description="Standard deviation of each torque constant, as a fraction of its value;"
+            " PERCENT in percent. It widens the intervals. Default: 1 %; `apart` treats torque"
+            " constants as exact."
         ),
         Option(group=PAYLOADS, metavar="PERCENT"),
     ] = None
@@ -220,11 +222,11 @@ class PayloadIdentifyRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
-def run(request: PayloadIdentifyRequest, _context: Context) -> IdentifiedPayload:
+def run(request: PayloadIdentifyRequest, context: Context) -> IdentifiedPayload:
     """Identify the payload."""
     from rid_daq.operations.payload.payload_from_files import identify_payload_runs
 
-    return identify_payload_runs(request)
+    return identify_payload_runs(request, context)
 
 
 OPERATION: Final = Operation(

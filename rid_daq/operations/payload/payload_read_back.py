@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 class PayloadReadBackRequest(Request):
     """Read load data and compare them with a payload.
 
-    The exit code is 1 if they differ by more than --tolerance. Three quantities are compared: the
-    mass, the centre of gravity (relative to its distance from the flange) and the inertia (relative
-    to its largest moment).
+    Three quantities are compared: the mass, the centre of gravity (relative to its distance from
+    the flange) and the inertia (relative to its largest moment).
+
+    In a terminal: exit code 1 if they differ by more than --tolerance.
     """
 
     payload: PayloadFile

@@ -51,8 +51,10 @@ class PayloadSessionRequest(Request):
 
     An interrupted session is continued with --resume: its motion and its recorded runs are used,
     and its original options apply unless they are given again. Confirmations, --without-axis-test
-    and --pace are not kept: give them again. The exit code is 1 if the payload fails its verdict,
-    6 if a run is not good enough or the torque of an axis is not explained.
+    and --pace are not kept: give them again.
+
+    In a terminal: exit code 1 if the payload fails its verdict, 6 if a run is not good enough or
+    the torque of an axis is not explained.
     """
 
     cell: CellName
@@ -81,10 +83,10 @@ class PayloadSessionRequest(Request):
     periods: Annotated[
         Periods,
         Field(
-            description="Largest number of periods measured in each run, if the motion is designed;"
-            " a motion file states its own number."
+            description="Largest number of periods measured in each run of a designed motion; a"
+            " motion file and a resumed session contain their own number."
         ),
-        Option(group=LENGTHS),
+        Option(group=LENGTHS, unused_with=("motion", "resume")),
     ] = 18
     repeats: Annotated[
         Repeats, Field(description="Number of runs with the payload."), Option(group=LENGTHS)

@@ -25,8 +25,9 @@ class RecoverRequest(Request):
 
     The old recording is not changed. Only blocks with a correct checksum are copied, so all numbers
     in the new recording are as recorded. The number of rows that are known to be lost is reported.
-    A run becomes a new run folder that all commands can read. The exit code is 0 if no row is known
-    to be lost, 1 if some are lost, and 7 if nothing is readable.
+    A run becomes a new run folder that all commands can read.
+
+    In a terminal: exit code 1 if rows are known to be lost, 7 if nothing is readable.
     """
 
     what: Annotated[

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from fastapi import APIRouter
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse
@@ -9,6 +11,7 @@ from fastapi.responses import HTMLResponse
 from config.formats.approved_files import sha256_of
 from rid_daq.service.files.edited_file import EditedFile
 from rid_daq.service.records import Role
+from rid_daq.workbench.files.pose_forms import FORMS
 from rid_daq.workbench.visit import PageRoute, Visitor
 
 router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_schema=False)
@@ -20,6 +23,7 @@ async def edit_page(visit: Visitor, path: str) -> HTMLResponse:
     file = await run_in_threadpool(EditedFile.find, visit.service, path)
     content = await run_in_threadpool(file.read)
     needed = Role.ADMINISTRATOR if file.cells else Role.OPERATOR
+    robot = visit.cell.loaded.robot
     return visit.page(
         "edit.html",
         file=path,
@@ -32,8 +36,16 @@ async def edit_page(visit: Visitor, path: str) -> HTMLResponse:
                 "kind": joint.type,
                 "limits": (joint.limits.position_min, joint.limits.position_max),
             }
-            for joint in visit.cell.loaded.robot.joints
+            for joint in robot.joints
         ],
+        forms={
+            kind: {
+                "label": form.label,
+                "hint": form.hint_for(robot),
+                "settings": [asdict(each) for each in form.settings],
+            }
+            for kind, form in FORMS.items()
+        },
         users=[each.name for each in file.cells],
         needed_role="" if visit.who.role.includes(needed) else needed.value,
     )

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Annotated, Final, Literal
+from typing import Annotated, Final
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 
 from acquisition.motion.kinds.pose_sequence import reachable_poses
 from acquisition.motion.motion_file import AnyMotion
+from config.errors import ConfigError
 from config.formats.yaml_tree import dump_yaml
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain, forward
 from rid_daq.service.records import Record
+from rid_daq.workbench.files.pose_forms import FORMS, Kind
 
 DIGITS: Final = 5
 """Decimals of positions in rad or m: 0.001° and 0.01 mm."""
@@ -21,53 +21,71 @@ DIGITS: Final = 5
 MOST: Final = 200
 """Largest number of poses."""
 
-Kind = Literal["pose_sequence", "joint_path", "path"]
-
 
 class PoseList(Record):
     """Poses and settings of a motion.
 
     Attributes:
-        kind: Kind of the motion: rests at the poses, a curve through them, or straight lines of the
-            tool point.
+        kind: Kind of the motion.
         points: Poses, each with one position per joint [rad or m].
-        speed: Fraction of the joints' limits; for straight lines the speed of the tool point [m/s].
-        dwell_s: Rest at each pose; for a curve or lines only at both ends [s].
+        settings: Values of the other keys of the motion file, in its units.
     """
 
     kind: Kind
     points: Annotated[tuple[tuple[float, ...], ...], Field(min_length=1, max_length=MOST)]
-    speed: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    dwell_s: Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+    settings: dict[str, FiniteFloat | tuple[FiniteFloat, ...]]
 
     @classmethod
     def of(cls, motion: AnyMotion, robot: RobotDescription) -> PoseList | None:
-        """Return the poses of a motion, or None if a list of poses cannot describe it.
+        """Return the poses of a motion, or None if poses and settings cannot describe it.
 
-        It must consist of at most `MOST` poses or straight lines of the tool, whose points the
-        robot can reach.
+        It must consist of at most `MOST` poses that the robot can reach, and every key that is no
+        setting must have its default.
         """
-        found = motion.chosen_poses(robot, MOST)
-        if found is None:
+        form = FORMS.get(motion.kind)
+        found = None if form is None else motion.chosen_poses(robot, MOST)
+        if form is None or found is None:
             return None
-        return cls.model_validate({"kind": motion.kind, **asdict(found)})
+        settings = {each.key: getattr(motion, each.key) for each in form.settings}
+        known = {"kind", "robot", *form.places, *settings}
+        if not all(
+            getattr(motion, name) == field.default
+            for name, field in type(motion).model_fields.items()
+            if name not in known
+        ) or not all(each.allows(settings[each.key]) for each in form.settings):
+            return None
+        return cls.model_validate({"kind": motion.kind, "points": found, "settings": settings})
 
     def text(self, robot: RobotDescription) -> str:
         """Return the motion as the text of a motion file.
 
         Raises:
-            ConfigError, LimitError: A pose has another number of joints, or is outside the limits.
+            ConfigError: A pose has another number of joints, there are too many poses for this kind
+                of motion, or a setting is missing or unknown.
+            LimitError: A pose is outside the limits.
         """
+        form = FORMS[self.kind]
+        keys = {each.key for each in form.settings}
+        if keys != self.settings.keys():
+            raise ConfigError(
+                f"settings {', '.join(sorted(self.settings))}: a motion of kind {self.kind} has"
+                f" {', '.join(sorted(keys))}",
+                code="RID-REQUEST-INVALID",
+            )
+        if form.most is not None and len(self.points) > form.most:
+            raise ConfigError(
+                f"{len(self.points)} poses: this motion has at most {form.most}. Remove the others",
+                code="RID-PATH-SEGMENT",
+            )
         points = np.atleast_2d(reachable_poses(self.points, robot)).round(DIGITS)
-        document: dict[str, object] = {
-            "kind": self.kind,
-            "robot": robot.name,
-            "dwell_s": self.dwell_s,
-        }
-        if self.kind == "path":
-            tool = (forward(Chain.from_description(robot), points).round(DIGITS) + 0.0).tolist()
-            document |= {"start_m": tool[0], "near": points[0].tolist(), "speed_m_s": self.speed}
-            document["segments"] = [{"kind": "line", "to_m": point} for point in tool[1:]]
-        else:
-            document |= {"speed_fraction": self.speed, "points": points.tolist()}
+        document: dict[str, object] = {"kind": self.kind, "robot": robot.name}
+        document |= {key: _plain(value) for key, value in self.settings.items()}
+        document |= form.geometry(points, robot, DIGITS)
         return dump_yaml(document, "Poses that were chosen in the workbench.")
+
+
+def _plain(value: float | tuple[float, ...]) -> object:
+    """Return a value as it is written in a file: whole numbers without decimals."""
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return int(value) if value.is_integer() else value

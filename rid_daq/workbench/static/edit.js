@@ -1,4 +1,5 @@
 // Page of a file: its text with the errors at their lines, help for the key at the cursor, and other pages with the file.
+import { linked } from "./commands.js";
 import { dialog } from "./dialog.js";
 import { addressOf, element, find, timeOf } from "./dom.js";
 import { forgetEntries } from "./entries.js";
@@ -117,7 +118,7 @@ function showProblems() {
   const place = (each) => (each.file === "" && each.line !== null
     ? html`<button type="button" @click=${() => goTo(each)}>Line ${each.line}</button> ` : html`<b>${each.file} ${each.line ?? ""}</b> `);
   /** @type {(each: Api.FileProblem) => Part} */
-  const item = (each) => html`<li class="bad">${place(each)}${each.text}</li>`;
+  const item = (each) => html`<li class="bad">${place(each)}${linked(each.text)}</li>`;
   render([...problems.map(item), ...unfit.map(item)], find("problems"));
   find("problem").textContent = "";
   if (problems.length > 0) text.setAttribute("aria-invalid", "true");
@@ -129,10 +130,10 @@ function showProblems() {
 function showPlace(place) {
   if (place === null) return;
   /** @type {(key: Api.KeyText) => Part} */
-  const line = ({ name, kind, default: value, meaning }) => html`<dt><code>${name}</code></dt><dd>${meaning} <span class="soft">${kind}; default: ${value}</span></dd>`;
+  const line = ({ name, kind, default: value, meaning }) => html`<dt><code>${name}</code></dt><dd>${linked(meaning)} <span class="soft">${kind}; default: ${value}</span></dd>`;
   const { key, path, allowed } = place;
   render(html`
-    <p><b>${key ? path : "The file"}</b>${key ? html`: ${key.kind}. Default: ${key.default}. ${key.meaning}` : ""}</p>
+    <p><b>${key ? path : "The file"}</b>${key ? html`: ${key.kind}. Default: ${key.default}. ${linked(key.meaning)}` : ""}</p>
     <details><summary>All ${allowed.length} keys that are allowed here</summary><dl class="named">${allowed.map(line)}</dl></details>`, find("place"));
 }
 

@@ -137,6 +137,7 @@ async function showRuns() {
   const before = chosenRuns();
   runs = await loadInto(find("runs"), "runs", motionRuns);
   find("no-runs").hidden = runs.length > 0;
+  find("runs").hidden = runs.length === 0;
   const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   render(runs.map((run) => keyed(run.id, html`<label><input type="checkbox" name="run" value=${run.id} .checked=${live(chosen.includes(run.id))}>

@@ -3,7 +3,7 @@
 import { blockParts, verdictOf } from "./blocks.js";
 import { linked } from "./commands.js";
 import { confirmClear } from "./dialog.js";
-import { duration, kindWords } from "./dom.js";
+import { clockOf, duration, kindWords } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
 import { html, keyed, nothing, render } from "./lit.js";
 import { JobLog } from "./job_log.js";
@@ -15,6 +15,7 @@ const ENDS = {
   done: ["good", "done"], failed: ["bad", "failed"], stopped: ["bad", "stopped"], interrupted: ["bad", "interrupted"],
 };
 const BEGIN_MS = 30000; // timeout for starting a job: the service answers only after it has saved the job and the job's worker runs
+const SOON_S = 2; // the time left is shown when a step has taken this long
 const MOST_RECENT = 3; // messages of the present step that are shown above a question
 const URGENT = { urgent: true }; // a request for a job's events must not wait until lists and figures are loaded
 /** @type {(job: Api.Job) => boolean} */
@@ -35,7 +36,7 @@ export function afterCheck(job, start) {
 /** @type {() => JobView} */
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), recent: [], share: 0, count: "", left: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
+  log: new JobLog(), recent: [], begin: null, share: null, count: "", left: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
 });
 
 // The options are functions. `next(job)` returns links that are shown when a job has ended. `begun(job)` is called when a
@@ -84,11 +85,11 @@ export class JobPanel {
     }
   }
 
-  /** @type {(kind: string, error: Error & { isShown?: boolean }) => void} */
+  /** @type {(kind: string, error: Error & { isShown?: boolean, told?: string }) => void} */
   refuse(kind, error) {
     if (error.isShown) return; // at its field
     this.job = null;
-    this.refusal = { kind, text: error.message };
+    this.refusal = { kind, text: error.told ?? error.message };
     this.draw();
     this.section.scrollIntoView({ block: "nearest" });
   }
@@ -271,10 +272,14 @@ export class JobPanel {
   }
 
   /** @type {(event: Api.ProgressEvent) => void} */
-  takeProgress({ title, done, total, unit, line }) {
+  takeProgress({ at_s: now, title, done, total, unit, line }) {
+    const { view } = this;
+    const isSame = view.begin?.title === title && done >= view.begin.done;
+    const begin = isSame && view.begin ? view.begin : { title, done, at_s: now };
+    const left = total && done > begin.done && now > begin.at_s + SOON_S ? `${duration(((now - begin.at_s) * (total - done)) / (done - begin.done))} left` : "";
     const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${Math.round(done) === 1 ? unit.replace(/s$/, "") : unit}`;
-    const count = [title, of].filter(Boolean).join(" · ");
-    Object.assign(this.view, { share: total ? done / total : null, count, left: "", estimate: line ?? "" });
+    const count = [title, total || done ? of : ""].filter(Boolean).join(" · ");
+    Object.assign(view, { begin, share: total ? done / total : null, count, left: view.words ? "" : left, estimate: line ?? "" });
   }
 
   /** @type {(picture: LivePicture) => void} */
@@ -373,7 +378,7 @@ export class JobPanel {
   /** @type {(job: Api.Job) => Part} */
   jobParts(job) {
     const { view } = this;
-    const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count;
+    const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count || (job.began_s ? `Running since ${clockOf(job.began_s)}.` : "");
     const estimate = view.words ? view.estimate.replace(/^[^;]*; /, "") : view.estimate; // `count` shows the state
     return html`
       <div class="job-head"><h2>${kindWords(job.kind)}</h2>

@@ -153,12 +153,12 @@ function request() {
       residual_percent: numberOf("residual-limit", { least: 0 }),
       residual_nm: optionalNumber("residual-limit-nm"),
     },
-    periods: numberOf("periods", { least: 2, whole: true }),
     repeats: numberOf("repeats", { least: 1, whole: true }),
     rehearsal_percent: numberOf("rehearsal", { least: 0 }),
     warm_up_percent: numberOf("warm", { least: 0 }),
     warm_up_periods: numberOf("warm-periods", { least: 3, whole: true }),
   };
+  if (!find("periods").disabled) asks.periods = numberOf("periods", { least: 2, whole: true });
   asks.payload = find("payload")?.value || null;
   asks.model = find("model").value || null;
   if (find("practise")) asks.practise = find("practise").checked;
@@ -178,6 +178,11 @@ function doubtMass() {
 find("mass").addEventListener("input", doubtMass);
 find("payload")?.addEventListener("change", doubtMass);
 doubtMass();
+
+// A motion file contains its own number of periods.
+const allowPeriods = () => (find("periods").disabled = Boolean(resumed || find("motion").value));
+find("motion").addEventListener("change", allowPeriods);
+allowPeriods();
 
 press("begin", panel, "payload_session", () => {
   const asks = resumed ? saidAnew() : { ...request(), motion: find("motion").value || null };
@@ -229,9 +234,10 @@ function goOn({ run, label, state, choices: settings }) {
     else if (find(id)) find(id).value = "";
   }
   if (find("practise")) find("practise").checked = choices.practise;
-  for (const id of /** @type {const} */ (["motion", "periods"])) find(id).disabled = true; // these two values cannot change: the session's run folder was made with them
   find("prepare").dataset.keep = "no"; // do not store these entries in the browser tab, because they belong to the resumed session
   resumed = { run, choices };
+  find("motion").disabled = true; // the session's run folder was made with its motion
+  allowPeriods();
   resumed.shown = { ...request() };
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
   if (choices.until_mass_kg !== null) more.push(`A run with the payload ends as soon as 2σ of the mass is at most ${choices.until_mass_kg} kg.`);

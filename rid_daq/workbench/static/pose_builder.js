@@ -1,7 +1,7 @@
 // Poses that are chosen with sliders next to the 3-D view. The service writes the text of the motion from them.
 import { breakable, element, find, parseNumber } from "./dom.js";
 import { refuseField } from "./fields.js";
-import { html, render } from "./lit.js";
+import { html, keyed, render } from "./lit.js";
 import { newest, post } from "./requests.js";
 import { CELL } from "./service.js";
 
@@ -9,14 +9,6 @@ const PATIENCE_MS = 30000;
 const DEGREES = 180 / Math.PI;
 /** @type {(kind: string) => [number, string]} */
 const scaleOf = (kind) => (kind === "prismatic" ? [1000, "mm"] : [DEGREES, "°"]);
-
-// For each kind of motion: factor and label of the speed, and the initial values of speed and rest.
-/** @type {Record<string, { factor: number, label: string, speed: number, dwell_s: number }>} */
-const KINDS = {
-  pose_sequence: { factor: 100, label: "Speed [% of the joints' limits]", speed: 0.3, dwell_s: 5 },
-  joint_path: { factor: 100, label: "Speed [% of the joints' limits]", speed: 0.5, dwell_s: 0.2 },
-  path: { factor: 1000, label: "Speed of the tool point [mm/s]", speed: 0.1, dwell_s: 0.2 },
-};
 
 export class PoseBuilder {
   // Show the sliders and the list in the section `poses`. `plan` shows poses; `setText` replaces the text of the file.
@@ -27,6 +19,10 @@ export class PoseBuilder {
     /** @type {Api.JointDocument[]} */
     this.joints = JSON.parse(find("poses").dataset.joints ?? "[]");
     this.pose = this.joints.map(({ limits: [low, high] }) => Math.min(high, Math.max(low, 0)));
+    /** @type {Record<string, PoseForm>} */
+    this.forms = JSON.parse(find("poses").dataset.forms ?? "{}");
+    /** @type {Record<string, number | number[]>} */
+    this.settings = {};
     /** @type {number[][]} */
     this.points = [];
     /** @type {string | null} */
@@ -38,13 +34,10 @@ export class PoseBuilder {
     find("pose-add").addEventListener("click", () => this.change([...this.points, [...this.pose]]));
     find("pose-known").addEventListener("click", () => this.useKnown());
     this.kind.addEventListener("change", () => {
-      const { speed, dwell_s: rest } = KINDS[this.kind.value];
-      this.showSettings(speed, rest);
+      this.showSettings();
       this.write();
     });
-    for (const id of /** @type {const} */ (["pose-speed", "pose-rest"])) find(id).addEventListener("change", () => this.write());
-    const { speed, dwell_s: rest } = KINDS[this.kind.value];
-    this.showSettings(speed, rest);
+    this.showSettings();
     this.showPose();
     this.showList();
   }
@@ -89,13 +82,43 @@ export class PoseBuilder {
     return this.refuse("");
   }
 
-  /** @type {(speed: number, rest: number) => void} */
-  showSettings(speed, rest) {
-    const { factor, label } = KINDS[this.kind.value];
-    find("pose-speed-label").textContent = label;
-    find("pose-speed").value = String(Number((factor * speed).toPrecision(6)));
-    find("pose-rest").value = String(rest);
-    find("pose-path").hidden = this.kind.value !== "path" || this.joints.length === 3;
+  // Show the fields of the chosen kind of motion, with their initial values or the values of a file.
+  /** @type {(values?: Record<string, number | number[]>) => void} */
+  showSettings(values) {
+    const { hint, settings } = this.forms[this.kind.value];
+    this.settings = Object.fromEntries(settings.map(({ key, initial }) => [key, values?.[key] ?? initial]));
+    /** @type {(setting: PoseSetting) => Part} */
+    const field = (setting) => html`<label for="pose-${setting.key}">${setting.label} ${setting.choices.length ? this.choice(setting) : this.number(setting)}</label>`;
+    render(settings.map((each) => keyed(`${this.kind.value} ${each.key}`, field(each))), find("pose-settings"));
+    find("pose-hint").textContent = hint;
+  }
+
+  /** @type {(setting: PoseSetting) => Part} */
+  choice({ key, choices }) {
+    const chosen = JSON.stringify(this.settings[key]);
+    /** @type {(event: Event) => void} */
+    const choose = ({ target }) => this.set(key, choices[/** @type {HTMLSelectElement} */ (target).selectedIndex][1]);
+    return html`<select id="pose-${key}" @change=${choose}>${choices.map(([label, value]) =>
+      html`<option ?selected=${JSON.stringify(value) === chosen}>${label}</option>`)}</select>`;
+  }
+
+  /** @type {(setting: PoseSetting) => Part} */
+  number({ key, factor }) {
+    const shown = Number((factor * Number(this.settings[key])).toPrecision(6));
+    /** @type {(event: Event) => void} */
+    const enter = ({ target }) => {
+      const input = /** @type {HTMLInputElement} */ (target);
+      const value = parseNumber(input.value);
+      if (Number.isNaN(value)) refuseField(input, "Enter a number.");
+      else this.set(key, Number((value / factor).toPrecision(12)));
+    };
+    return html`<input id="pose-${key}" type="text" inputmode="decimal" autocomplete="off" .value=${String(shown)} @change=${enter}>`;
+  }
+
+  /** @type {(key: string, value: number | number[]) => void} */
+  set(key, value) {
+    this.settings[key] = value;
+    this.write();
   }
 
   showList() {
@@ -141,20 +164,13 @@ export class PoseBuilder {
     if (this.points.length === 0) return;
     const signal = this.replacing();
     try {
-      /** @type {(id: "pose-speed" | "pose-rest", factor: number) => number} */
-      const number = (id, factor) => {
-        const value = parseNumber(find(id).value) / factor;
-        if (Number.isNaN(value)) throw refuseField(find(id), "Enter a number.");
-        return value;
-      };
-      const { factor } = KINDS[this.kind.value];
-      const wanted = { kind: this.kind.value, points: this.points, speed: number("pose-speed", factor), dwell_s: number("pose-rest", 1) };
+      const wanted = { kind: this.kind.value, points: this.points, settings: this.settings };
       const { text } = /** @type {Api.MotionText} */ (await post(`/view${CELL}/motion-text`, wanted, { patienceMs: PATIENCE_MS, signal }));
       this.refuse("");
       this.written = text;
       this.setText(text);
     } catch (error) {
-      if (!signal.aborted && !error.isShown) this.refuse(error.message);
+      if (!signal.aborted) this.refuse(error.message);
     }
   }
 
@@ -171,7 +187,7 @@ export class PoseBuilder {
       find("pose-other").hidden = found !== null;
       if (found === null) return;
       this.kind.value = found.kind;
-      this.showSettings(found.speed, found.dwell_s);
+      this.showSettings(found.settings);
       this.points = found.points;
       this.showList();
     } catch (error) {

@@ -1,13 +1,16 @@
 // Sends requests to the service. Their duration and number are limited, so that they never delay a stop request.
+import { inPageWords } from "./page_words.js";
 
 export const LIST_MS = 60000; // timeout of lists: after its start, the service first reads every run
 const AT_ONCE = 3; // a browser opens at most six connections; STOP and the heartbeat need the other three
 
-// A request that was refused or not answered; `message` is a sentence for the user.
+// A request that was refused or not answered; `message` is a sentence for the user in the words of the page, and
+// `told` the same sentence as the service wrote it.
 export class Refusal extends Error {
-  /** @param {string} kind @param {string} message @param {number} status */
-  constructor(kind, message, status) {
-    super(message);
+  /** @param {string} kind @param {string} told @param {number} status */
+  constructor(kind, told, status) {
+    super(inPageWords(told));
+    this.told = told;
     this.kind = kind;
     this.status = status;
   }

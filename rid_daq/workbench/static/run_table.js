@@ -1,6 +1,7 @@
 // Table of groups of runs; the user opens a group to see its other runs below its first row.
 import { timeOf } from "./dom.js";
 import { html, keyed, nothing } from "./lit.js";
+import { inPageWords } from "./page_words.js";
 import { CELL } from "./service.js";
 
 const BAD = ["damaged", "unfinished"];
@@ -18,7 +19,7 @@ export function runTable(groups, { pick = null, picked = [], opened = new Set(),
     ${pick ? html`<td>${tick(run, pick, picked)}</td>` : nothing}
     <td class="name">${name(run)}${parts.length && fold ? folder(run, parts, opened.has(run.id), fold) : nothing}</td>
     <td>${verdict(run)}</td>
-    <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
+    <td>${run.status}${run.reason ? html`<span class="why">${inPageWords(run.reason)}</span>` : nothing}</td>
     ${cells ? html`<td>${run.cell || "–"}</td>` : nothing}
     <td class="when">${run.created_utc ? timeOf(run.created_utc) : run.id}</td>
     <td>${run.kind || "–"}</td>
@@ -56,5 +57,5 @@ function verdict({ verdict: word, headline, has_report: hasReport }) {
   // earlier versions of the program did not write the verdict into the run's manifest
   if (!word) return hasReport ? html`unknown<span class="why">An earlier version of the program made this run: see the verdict in its report.</span>` : "–";
   const [kind, mark] = MARKS[word] ?? ["", "–"];
-  return html`<b class="word ${kind}">${mark} ${word}</b><span class="why">${headline}</span>`;
+  return html`<b class="word ${kind}">${mark} ${word}</b><span class="why">${inPageWords(headline)}</span>`;
 }

@@ -63,6 +63,13 @@ def test_named_columns_are_those_with_their_numbers(
     assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
 
 
+def test_the_progress_of_the_reading_ends_with_the_last_row(tmp_path: Path) -> None:
+    path, seen = save(tmp_path / "plain.csv"), list[tuple[Path, float]]()
+    import_csv(path, two_joint_map(), watch=lambda file, share: seen.append((file, share)))
+    assert {file for file, _ in seen} == {path}
+    assert seen[-1][1] >= 0.99
+
+
 def test_names_separated_by_spaces_and_numbers_may_be_mixed(tmp_path: Path) -> None:
     head = "t qa qb qda qdb current torque"
     joints = [

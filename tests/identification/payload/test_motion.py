@@ -87,10 +87,17 @@ def test_the_motion_keeps_the_clearance_of_the_workspace() -> None:
 
 
 def test_the_same_seed_gives_the_same_motion(search: PayloadSearch) -> None:
+    done: list[int] = []
+
+    def watch(count: int, total: int) -> None:
+        assert total == 40
+        done.append(count)
+
     one, again, other = (
-        design_payload_motion(search, seed=seed, periods=2, draws=20, steps=20)
+        design_payload_motion(search, seed=seed, periods=2, draws=20, steps=20, watch=watch)
         for seed in (5, 5, 6)
     )
+    assert set(done) == {*range(1, 41)}
     assert one == again
     assert one != other
 

@@ -30,6 +30,8 @@ NO_EFFECT = "RID-OPTION-NO-EFFECT"
         ("sensitivity --doubt-links 5", "--doubt-links", "RID-REQUEST-INVALID"),
         ("export m.json --to json -o table.csv", "table.csv", "RID-OUTPUT-ENDING"),
         ("export m.json --to csv -o arm.urdf", "arm.urdf", "RID-OUTPUT-ENDING"),
+        ("payload ir361 --motion here.yaml --periods 3", "--motion", "RID-REQUEST-INVALID"),
+        ("payload ir361 --resume latest --periods 18", "--resume", "RID-REQUEST-INVALID"),
         ("tracking latest --point 1,2,3", "--point", "RID-REQUEST-INVALID"),
         ("stiffness latest --point 1,2,3", "--point", "RID-REQUEST-INVALID"),
         (

@@ -46,6 +46,14 @@ ROWS = {390: 2, 820: 1, 1440: 1}
 COMMAND = r"rid-daq [a-z]+"
 SIDEWAYS = """() => [...document.querySelectorAll(".scroll:has(.stacked)")]
   .filter((each) => each.scrollWidth > each.clientWidth).length"""
+UNEVEN = """() => [...document.querySelectorAll(".form")].flatMap((form) => {
+  const heights = {};
+  for (const control of form.querySelectorAll("label:not(.tick) > :is(input, select)")) {
+    const top = control.closest("label").offsetTop;
+    if (control.offsetParent) (heights[top] ??= new Set()).add(control.offsetTop);
+  }
+  return Object.values(heights).filter((each) => each.size > 1);
+}).length"""
 CUT_OFF = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
@@ -103,6 +111,8 @@ def test_every_page_is_accessible_and_fits_all_widths(
                 continue
             if page.evaluate(SIDEWAYS):
                 wrong.append(f"{name}: the table of runs scrolls sideways at {width} px")
+            if page.evaluate(UNEVEN) and not path.startswith("/operations/"):
+                wrong.append(f"{name}: fields of a row are not aligned at {width} px")
             if page.evaluate(MENU_ROWS) != ROWS[width]:
                 wrong.append(f"{name}: unexpected number of menu rows at {width} px")
             small = page.evaluate(SMALL_TARGETS, LARGE_ENOUGH_PX)
@@ -143,6 +153,7 @@ def test_an_axis_test_is_not_offered_as_data_of_a_model(open_page: OpenPage) -> 
     page = open_page()
     go_to(page, "Identify")
     expect(page.locator("#no-runs")).to_be_visible()
+    expect(page.locator("#runs")).to_be_hidden()  # not an empty frame
 
 
 def test_runs_can_be_searched(open_page: OpenPage, served_pages: ServedProcess, a_run: str) -> None:

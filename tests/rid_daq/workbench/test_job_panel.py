@@ -151,6 +151,31 @@ def test_a_stopping_motion_has_no_time_left_and_the_next_begins_without_progress
     ]
 
 
+def test_a_long_step_shows_its_time_left_and_a_job_without_steps_its_beginning(page: Page) -> None:
+    told = page.evaluate(f"""async () => {{ {PANEL}
+  const of = {{ kind: "progress", unit: "%", line: "" }};
+  const step = (at_s, title, done, total) => ({{ ...of, at_s, title, done, total }});
+  const told = [], count = () => section.querySelector(".count").textContent;
+  panel.show({{ ...job, began_s: 1.8e9 }});
+  await panel.load();
+  await panel.drawing;
+  told.push(count(), section.querySelector("progress").hasAttribute("value"));
+  const first = [step(10, "Reading", 0, 100), step(20, "Reading", 25, 100)];
+  for (const each of [...first, step(21, "Searching", 0, null)]) {{
+    panel.receive(each, panel.view.known);
+    await panel.drawing;
+    told.push(count());
+  }}
+  window.fetch = others;
+  return told;
+}}""")
+    running, has_share, first, later, unknown = told
+    assert running.startswith("Running since")
+    assert not has_share
+    assert (first, later) == ("Reading · 0 of 100 %", "Reading · 25 of 100 % · 30 s left")
+    assert unknown == "Searching"
+
+
 def test_a_question_with_buttons_has_no_text_field(page: Page) -> None:
     fields = page.evaluate(f"""async () => {{ {PANEL}
   const asked_ = {{ kind: "asked", form: "text", question: 1, text: "Name?", choices: [] }};

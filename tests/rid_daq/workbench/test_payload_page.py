@@ -124,6 +124,7 @@ def test_a_stopped_session_can_be_resumed_without_a_reload(
     page.reload()
     expect(page.locator(".resume")).to_have_count(1)
     page.locator("#motion").select_option("long.yaml")
+    expect(page.locator("#periods")).to_be_disabled()  # the file contains its own number
     page.locator("#begin").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
     expect(page.locator("[data-stage=rehearse]")).to_contain_text("now")

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
+from acquisition.motion.kinds.circle import CircleMotion
+from acquisition.motion.motion_file import load_motion
 from config.load import load_cell
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.service.editing import write_cell
@@ -200,3 +202,31 @@ def test_a_motion_is_made_by_clicks_and_seen_before_it_is_saved(
     page.get_by_role("link", name="Edit this motion").click()
     expect(page.locator("#pose-kind")).to_have_value("path")
     expect(page.locator("#pose-list li").first).to_contain_text("-10.0 °")
+
+
+def test_a_circle_is_made_by_clicks(
+    edit: Edit, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = edit("turns.yaml")
+    page.locator("#pose-add").click()
+    page.locator("#pose-kind").select_option("circle")
+    expect(page.locator("#pose-hint")).to_contain_text("centre")
+    page.locator("#pose-radius_m").fill("40,5")
+    page.locator("#pose-radius_m").press("Tab")
+    page.locator("#pose-normal").select_option("vertical: y and z of the base")
+    page.locator("#pose-periods").fill("3")
+    page.locator("#pose-periods").press("Tab")
+    page.locator("#pose-add").click()
+    expect(page.locator("#pose-problem")).to_contain_text("2 poses")
+    problems.clear()  # the console reports the refused request
+    page.get_by_role("button", name="Remove pose 2").click()
+    expect(page.locator("#pose-problem")).to_be_empty()
+    expect(page.locator(".view-state")).to_contain_text("PLANNED")
+    page.locator("#save").click()
+    expect(page.locator("#saved")).to_contain_text("Saved")
+    saved = load_motion(served_pages.folder / "turns.yaml")
+    assert isinstance(saved, CircleMotion)
+    assert (saved.radius_m, saved.normal, saved.periods) == (0.0405, (1.0, 0.0, 0.0), 3)
+    page.reload()
+    expect(page.locator("#pose-radius_m")).to_have_value("40.5")
+    expect(page.locator("#pose-normal option:checked")).to_contain_text("y and z")

@@ -246,6 +246,11 @@ def test_a_motion_is_played_and_can_be_scrubbed(
     expect(page.locator("#view .player button")).to_have_text("Play")  # it has ended
     assert page.evaluate("document.getElementById('view').robotView.drawing.frames") > frames
 
+    page.set_viewport_size({"width": 390, "height": 900})
+    slider = page.locator("#view .player input").bounding_box()
+    assert slider is not None
+    assert slider["width"] > 150.0  # the words of the clock do not push it aside
+
     require_axe(page)
     for dark in (False, True):
         page.emulate_media(color_scheme="dark" if dark else "light")
