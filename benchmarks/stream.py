@@ -203,7 +203,7 @@ def pinocchio_peer(cell: LoadedCell, points: Points) -> Callable[[int], object]:
 def cpu_us(at: Callable[[int], object], rows: int) -> float:
     """Return the processor time per cycle, the lowest average of `ROUNDS` rounds [us].
 
-    Short rounds: at least one of them is not disturbed by other programs.
+    The rounds are short, so that other programs do not disturb every round.
     """
     rounds, size = [], rows // ROUNDS
     for part in range(ROUNDS):
@@ -215,10 +215,10 @@ def cpu_us(at: Callable[[int], object], rows: int) -> float:
 
 
 def share_of_core(cycles: int, *, python_can: bool = False) -> tuple[float, float, float]:
-    """Return the load of a core at 1 kHz by three axes with bus, and by two parts of it.
+    """Return the load of a core at 1 kHz: three axes with bus, compensation, bare frames.
 
-    The parts are the compensation, and the bare frames: the system calls and waits that are left
-    without the driver. The frames pass the port of SocketCAN, or a minimal bus of python-can.
+    The bare frames are the system calls and waits that are left without the driver. The frames pass
+    the port of SocketCAN, or a minimal bus of python-can.
     """
     cell = load_cell("ir361")
     cell = LoadedCell(
