@@ -24,6 +24,8 @@ import numpy as np
 from benchmarks.short_form import is_short
 from config.cell.drive_safety import DriveSafety
 from drivers.ports.can_link import CanLink
+from drivers.ports.can_ports import FramePort
+from drivers.ports.socketcan_port import SocketCanPort
 from drivers.servo.cia402 import AxisUnits
 from drivers.servo.cyclic_exchange import CyclicExchange
 from drivers.servo.drive_watch import DriveWatch
@@ -64,7 +66,18 @@ class SocketBus(can.BusABC):
         return can.Message(arbitration_id=cob_id, data=data[:length], is_extended_id=False), True
 
 
-def driver_cycle(bus: can.BusABC) -> Callable[[], None]:
+class LocalSocketCanPort(SocketCanPort):
+    """`SocketCanPort` on a local socket with 16-byte frames, instead of a CAN interface."""
+
+    def __init__(self, bus: socket.socket) -> None:
+        self._bus = bus
+        super().__init__("local")
+
+    def _open(self, channel: str, watch_errors: bool) -> socket.socket:
+        return self._bus
+
+
+def driver_cycle(bus: can.BusABC | FramePort) -> Callable[[], None]:
     """Return a function that runs one exchange cycle with our driver."""
     nodes = tuple(range(1, AXES + 1))
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)

@@ -92,6 +92,21 @@ def test_a_relation_that_does_not_hold_is_found(
     assert len(broken) == 3
 
 
+def test_large_errors_of_the_small_payload_are_noticed(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    payload = results["payload"]
+    experiments = [
+        each | {"errors": (1.5 * np.array(each["std"])).tolist()}
+        if each["payload"] == "small"
+        else each
+        for each in payload["experiments"]
+    ]
+    changed = results | {"payload": payload | {"experiments": experiments}}
+    (broken,) = (each for each in relations(facts, changed) if each.is_unexplained)
+    assert (broken.section, "one standard deviation" in broken.text) == ("payloads", True)
+
+
 def test_an_error_that_is_not_larger_at_low_speed_is_noticed(
     facts: dict[str, Any], results: dict[str, Any]
 ) -> None:

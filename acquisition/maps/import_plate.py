@@ -17,6 +17,7 @@ from config.cell.plate import (
     PlateDescription,
     PlatePlace,
     SquareMatrix,
+    SurfaceHeight,
 )
 from config.cell.torque_filter import ButterworthFilter
 from config.model import ConfigModel
@@ -52,7 +53,8 @@ class ImportPlate(ConfigModel):
             as in a URDF. With `channels`, z points down.
         a_m: Distance of the sensors from the centre along x, as in a cell file (for `channels`).
         b_m: Distance of the sensors from the centre along y, as in a cell file (for `channels`).
-        az0_m: Position of the sensors' plane, as in a cell file (for `channels`).
+        az0_m: z of the surface, measured from the sensors' plane, as in a cell file (for
+            `channels`); negative.
         sensitivity: Crosstalk, as in a cell file (for `channels`).
         rate_hz: Rows per second, if the plate's file has no time stamps; its first row then has the
             time 0 [Hz].
@@ -79,7 +81,7 @@ class ImportPlate(ConfigModel):
     rotation_rad: Turn
     a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")] | None = None
     b_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")] | None = None
-    az0_m: Annotated[float, Field(le=0.0), Plausible(0.0, 2.0, "m")] | None = None
+    az0_m: SurfaceHeight | None = None
     sensitivity: SquareMatrix | None = None
     rate_hz: Annotated[Positive, Plausible(1.0, 1e5, "Hz")] | None = None
     clock: Literal["shared", "own"] = "shared"

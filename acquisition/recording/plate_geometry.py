@@ -76,7 +76,7 @@ def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
 
     Args:
         a_m, b_m: Distances of the sensors from the centre along x and y [m].
-        az0_m: z of the sensors' plane relative to the surface, negative [m].
+        az0_m: z of the surface, measured from the sensors' plane; negative, as z points down [m].
     """
     a, b, h = a_m, b_m, az0_m
     return np.array(

@@ -40,8 +40,7 @@ class HeldPositions:
         velocities = [joint.limits.velocity for joint in robot.joints]
         self._step = [PLAUSIBLE_FACTOR * velocity * self._period_s for velocity in velocities]
         coupling = WristCoupling.of_robot(robot)
-        own = tuple((i,) for i in range(len(velocities)))
-        self._motors = own if coupling is None else coupling.motors_of
+        self._motors = None if coupling is None else coupling.motors_of
         self.begin([0.0] * len(velocities))
 
     def begin(self, position: Sequence[float]) -> None:
@@ -61,12 +60,13 @@ class HeldPositions:
     def take(self, cycle: Cycle) -> None:
         """Process the answers of a cycle; set its `valid` for each plausible position."""
         received, measured, target = cycle.received, cycle.position, cycle.target.position
+        motors, periods = self._motors, cycle.periods
         valid = [0] * len(measured)
         for i, actual in enumerate(measured):
-            since = self._since[i] = self._since[i] + cycle.periods
+            since = self._since[i] = self._since[i] + periods
             self.position[i] += target[i] - self._target[i]
             self.missed[i] = 0 if received[i] else self.missed[i] + 1
-            if not all(received[j] for j in self._motors[i]):
+            if not (received[i] if motors is None else all(received[j] for j in motors[i])):
                 self.unknown[i] += 1
                 continue
             jump, limit = actual - self._plausible[i], self._step[i] * since

@@ -11,6 +11,7 @@ from typing import Final
 
 import jinja2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from benchmarks.thesis.records import Tree
 from benchmarks.thesis.relations import PLATE_MODELS, Relation, relations
@@ -47,6 +48,7 @@ def page_text(facts: Tree, results: Tree) -> str:
         **payload_tables(facts, results["payload"], results["sensitivity"]),
         **path_tables(facts, results["path"]),
         friction_table=friction_table(results["friction"]),
+        warming_table=warming_table(facts["series_axes"], results["warming"]),
         best_friction=min(
             results["friction"]["warm"]["axis6"]["rms_nm"].items(), key=itemgetter(1)
         ),
@@ -219,6 +221,28 @@ def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, s
     }
 
 
+def warming_table(theirs: Tree, series: Tree) -> str:
+    """Return the ranges of friction and payload in a series of measurements, from cold motors."""
+    sources = (theirs, series["cold"], series["corrected"])
+    friction = [
+        (f"{words}, axis {3 + row}", *(_range(source[key][row]) for source in sources))
+        for key, words in (
+            ("coulomb_nm", "Coulomb friction [N m]"),
+            ("viscous_nm_s", "viscous friction [N m s/rad]"),
+        )
+        for row in range(len(theirs[key]))
+    ]
+    payload = [
+        (
+            f"{name} [{unit}]",
+            *(_range(scale * np.array(source["values"][row])) for source in sources),
+        )
+        for row, (name, unit, scale) in enumerate(zip(REPORTED, UNITS, SCALES, strict=True))
+    ]
+    head = ("", "thesis, axis of the figure", "ours", "ours, corrected torque constants")
+    return table(head, *friction, *payload)
+
+
 def path_tables(facts: Tree, path: Tree) -> dict[str, str]:
     """Return the tables of chapter 6."""
     theirs, peaks = facts["path"], facts["joint_peaks"]
@@ -272,6 +296,10 @@ def path_tables(facts: Tree, path: Tree) -> dict[str, str]:
             *((words, each["mean_mm"], each["max_mm"]) for words, each in rows),
         ),
     }
+
+
+def _range(values: ArrayLike) -> str:
+    return f"{np.min(values):.4g} to {np.max(values):.4g}"
 
 
 def _with_torque(found: Tree) -> list[str]:

@@ -292,8 +292,8 @@ class PointSource:
     @property
     def _present_point(self) -> int:
         """Number of the point of the latest set-point."""
-        at = int(self._counts[stage.HEAD]) - 1 - int(self._counts[stage.DELAY])
-        node = int(self._line[at % len(self._line), stage.INDEX, 0])
+        at = self._counts.item(stage.HEAD) - 1 - self._counts.item(stage.DELAY)
+        node = int(self._line.item(at % len(self._line), stage.INDEX, 0))
         return self._clip(node - path.BEFORE)
 
     @property

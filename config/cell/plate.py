@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from config.model import ConfigModel
 from config.plausible import Plausible
@@ -22,6 +22,17 @@ LARGEST_CROSSTALK: Final = 0.5
 """Largest plausible deviation of an element of the crosstalk matrix from the unit matrix."""
 DRIFT_LIMIT_N_S: Final = 0.5
 """Default of the drift from which on a period is not averaged [N/s]."""
+
+
+def _refuse_upward(value: object) -> object:
+    """Return the z coordinate of a plate's surface; raise ValueError if it is positive."""
+    if isinstance(value, int | float) and not isinstance(value, bool) and value > 0.0:
+        raise ValueError(
+            f"{value:g} m would be a surface below the sensors, because z of a plate points down:"
+            f" write {-value:g}"
+        )
+    return value
+
 
 Eight = Annotated[tuple[float, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
 Force = Annotated[Positive, Plausible(0.1, 1e6, "N")]
@@ -38,6 +49,9 @@ EightOffsets = Annotated[
 EightDrifts = Annotated[
     tuple[Annotated[float, Plausible(0.0, 1e4, "N/s")], ...],
     Field(min_length=CHANNELS, max_length=CHANNELS),
+]
+SurfaceHeight = Annotated[
+    float, BeforeValidator(_refuse_upward), Field(le=0.0), Plausible(0.0, 2.0, "m")
 ]
 SquareMatrix = Annotated[tuple[Eight, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
 ThreeForces = tuple[Force, Force, Force]
@@ -149,14 +163,14 @@ class PlateDescription(PlatePlace):
     Attributes:
         a_m: Distance of the sensors from the centre along the plate's x, as on its certificate.
         b_m: Distance of the sensors from the centre along the plate's y, as on its certificate.
-        az0_m: Position of the sensors' plane relative to the surface, as on the certificate; it is
+        az0_m: z of the surface, measured from the sensors' plane, as on the certificate; it is
             negative, because the plate's z points down.
         sensitivity: The crosstalk: channel readings = matrix times sensor forces.
     """
 
     a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
     b_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
-    az0_m: Annotated[float, Field(le=0.0), Plausible(0.0, 2.0, "m")]
+    az0_m: SurfaceHeight
     sensitivity: SquareMatrix | None = None
 
     @model_validator(mode="after")

@@ -118,17 +118,20 @@ class SocketCanPort:
         self.takes_remote_frames = False
         self._dropped = 0
         self._stamps = KernelStamps(*both_clocks())
-        self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        try:
-            self._set_options(watch_errors)
-            self._socket.bind((channel,))
-            self._socket.setblocking(False)
-        except BaseException:
-            self._socket.close()
-            raise
+        self._socket = self._open(channel, watch_errors)
+        self._socket.setblocking(False)
 
-    def _set_options(self, watch_errors: bool) -> None:
-        own = self._socket
+    def _open(self, channel: str, watch_errors: bool) -> socket.socket:
+        own = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        try:
+            self._set_options(own, watch_errors)
+            own.bind((channel,))
+        except BaseException:
+            own.close()
+            raise
+        return own
+
+    def _set_options(self, own: socket.socket, watch_errors: bool) -> None:
         try:
             own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
         except PermissionError:  # without CAP_NET_ADMIN: at most net.core.rmem_max

@@ -70,8 +70,9 @@ class PositionCounter:
 
     def nearest(self, counts: int, to: int) -> int:
         """Return the unwrapped position nearest to `to` that the drive shows as `counts`."""
-        half = self.size // 2
-        return (counts - to + half) % self.size - half + to
+        size = self.highest - self.lowest + 1
+        half = size // 2
+        return (counts - to + half) % size - half + to
 
     def to_range(self, counts: int) -> int:
         """Return the value of the drive, from `lowest` to `highest`, for an unwrapped position."""

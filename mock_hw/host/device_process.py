@@ -25,6 +25,10 @@ SCHEDULER_PRIORITY = 10
 """Real-time priority of simulated hardware; it is lower than that of the cyclic task."""
 
 _START_TIMEOUT_S = 120.0  # includes the compilation of the plant's kernels
+_NO_ANSWER = (
+    f"no answer within {_START_TIMEOUT_S:.0f} s. If the computer is busy, try again later; parts of"
+    " the program that are compiled at the first start are then ready"
+)
 _END_TIMEOUT_S = 5.0
 _PR_SET_TIMERSLACK = 29
 
@@ -88,7 +92,7 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
         TransportError: The process reports an error, or does not report in time.
     """
     try:
-        word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
+        word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else _NO_ANSWER
     except (EOFError, OSError):
         word = "the process ended"
     if isinstance(word, str):

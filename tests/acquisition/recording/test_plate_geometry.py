@@ -66,6 +66,24 @@ def test_a_weight_on_the_surface_gives_its_position() -> None:
     np.testing.assert_allclose((-my / fz, mx / fz), shares @ sensors, atol=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("channels", "force"),
+    [
+        # 100 N along x on the surface: My about the sensors' plane is -0.054 m * 100 N = -5.4 N m
+        # = 0.12 m * (-11.25 - 11.25 - 11.25 - 11.25) N
+        ([50.0, 50.0, 0.0, 0.0, 11.25, -11.25, -11.25, 11.25], [100.0, 0.0, 0.0]),
+        # 100 N along y: Mx is 0.054 m * 100 N = 5.4 N m = 0.2 m * (6.75 + 6.75 + 6.75 + 6.75) N
+        ([0.0, 0.0, 50.0, 50.0, 6.75, 6.75, -6.75, -6.75], [0.0, 100.0, 0.0]),
+    ],
+)
+def test_a_push_on_the_surface_has_no_moment_about_its_centre(
+    channels: list[float], force: list[float]
+) -> None:
+    """The surface is 54 mm above the sensors, and z points down: az0 is -0.054 m."""
+    wrench = plate_wrench_matrix(0.12, 0.2, -0.054) @ channels
+    np.testing.assert_allclose(wrench, [*force, 0.0, 0.0, 0.0], atol=1e-12)
+
+
 def test_the_base_wrench_is_opposite_to_the_wrench_on_the_plate() -> None:
     """Gravity acts along +z of this plate; the base pushes the robot up."""
     geometry = PlateGeometry.from_config(plate())

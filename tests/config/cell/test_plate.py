@@ -70,7 +70,8 @@ def test_millimetres_are_recognised(tmp_path: Path) -> None:
 
 
 def test_a_sensor_plane_above_the_surface_is_refused(tmp_path: Path) -> None:
-    assert_refused(tmp_path, "-0.054", "0.054", "plate.az0_m")
+    assert_refused(tmp_path, "-0.054", "0.054", "plate.az0_m", "write -0.054")
+    assert_refused(tmp_path, "-0.054", "-54.0", "plate.az0_m", "54 mm", "0.054 m")
 
 
 def test_a_low_pass_too_weak_against_aliasing_is_refused(tmp_path: Path) -> None:
