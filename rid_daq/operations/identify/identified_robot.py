@@ -17,6 +17,7 @@ from identification.model.known_loads import Bodies, load_findings
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.wiring.held_out import held_out_share
 from rid_daq.operations.estimation.estimate_findings import (
+    contradictions_of,
     contradictions_of_torque_meaning,
     estimate_findings,
     examine_consistency,
@@ -143,6 +144,7 @@ def identify_robot(
         if request.diagnose
         else MissingEffects()
     )
+    estimate = replace(estimate, contradictions=contradictions_of(wiring, missing, plate))
     run_ids = [item.folder.run_id for item in data]
     findings = [
         *wiring.sentences,

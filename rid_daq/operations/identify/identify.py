@@ -211,11 +211,10 @@ class IdentifyResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 6 if there are `bad_joints`, or if `has_mistakes` is true."""
+        """Exit code 6 if there are objections to the model."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        found = self.identified
-        return ExitCode.DATA_QUALITY if found.bad_joints or found.has_mistakes else ExitCode.DONE
+        return ExitCode.DATA_QUALITY if self.identified.objections else ExitCode.DONE
 
     def document(self) -> IdentifyDocument:
         """Return the model and its quality as numbers."""

@@ -114,7 +114,9 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     given = read_loops_for(request.loop, loaded.robot, loaded.config)
     loops = given.loops
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    modelled, model_bytes = read_torque_model(request.model, loaded.robot)
+    modelled, model_bytes = read_torque_model(
+        request.model, loaded.robot, despite_misfit=request.despite_misfit
+    )
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(modelled, *stated)
     samples = loads.planned(samples)
@@ -189,7 +191,9 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    modelled, model_bytes = read_torque_model(request.model, first.data.robot)
+    modelled, model_bytes = read_torque_model(
+        request.model, first.data.robot, despite_misfit=request.despite_misfit
+    )
     carrying = state_payload(modelled, request.model, request.payload, request.runs)
     velocity = samples.whole().velocity
     warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)

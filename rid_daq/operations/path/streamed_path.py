@@ -56,7 +56,9 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
     loaded = load_cell(request.cell)
     words, samples, files = _plan_path(request, loaded)
     measured = read_loops_for(request.loop, loaded.robot, loaded.config)
-    estimate, model_bytes = read_torque_model(request.model, loaded.robot)
+    estimate, model_bytes = read_torque_model(
+        request.model, loaded.robot, despite_misfit=request.despite_misfit
+    )
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(estimate, *stated)
     if samples is not None:
