@@ -51,6 +51,7 @@ def contradictions_of(
     found = [*(each.sentence for each in wiring.mistakes or ()), *wiring.sentences]
     if wrong := (*missing.late, *missing.clipped):
         found.append(f"The recorded torque of {', '.join(wrong)} is late or clipped.")
+    found += missing.payloads
     if plate is not None and plate.mistake is not None:
         found.append(plate.mistake.sentence)
     return tuple(found)

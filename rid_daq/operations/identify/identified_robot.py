@@ -157,6 +157,7 @@ def identify_robot(
         *([] if comparison is None else comparison.refused.findings(comparison.joint_names)),
         *([] if gains is None else [f"{sentence}." for sentence in gains.sentences()]),
         *missing.findings,
+        *missing.payloads,
         *(_cross_check(data, how, estimate, context) if request.cross_check else []),
     ]
     checks = EstimateChecks(

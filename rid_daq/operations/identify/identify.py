@@ -95,8 +95,9 @@ class IdentifyRequest(Request):
     shift and used in the time domain. The model file contains all data that other commands need.
     The exit code is 6 if the model does not explain a joint's torque or the base wrench, or if the
     identified friction, the arm's weight or the moving mass of a prismatic joint is impossible. It
-    is also 6 if recorded torques are clipped, or later or earlier than a bus explains, or if the
-    model fits far better after the correction of a common mistake in wiring, units or files.
+    is also 6 if recorded torques are clipped, or later or earlier than a bus explains, if one run
+    contains a payload that is not stated, or if the model fits far better after the correction of a
+    common mistake in wiring, units or files.
     """
 
     names: RunNames

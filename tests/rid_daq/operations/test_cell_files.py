@@ -65,7 +65,8 @@ def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
     text = cell.files["robot.yaml"].decode().replace("velocity: 2.6", "velocity: 2.0")
     (tmp_path / "robot.yaml").write_text(text.replace("[coulomb, viscous]", "[coulomb, cubic]"))
     robot = load_robot(str(tmp_path / "robot.yaml"))
-    assert read_estimate_for(tmp_path / "model.json", robot, despite_misfit=False).robot == cell.robot
+    found = read_estimate_for(tmp_path / "model.json", robot, despite_misfit=False)
+    assert found.robot == cell.robot
 
 
 @pytest.mark.parametrize(
