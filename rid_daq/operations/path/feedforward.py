@@ -126,7 +126,11 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
         lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
     )
     position = samples.whole().position
-    notes = [*given.notes, *warm.notes, *model_doubts(request.model, warm.estimate, position)]
+    notes = [
+        *given.notes,
+        *warm.notes,
+        *model_doubts(request.model, warm.estimate, position, loaded.config),
+    ]
     tuning = None
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
@@ -206,7 +210,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     origin = FeedforwardOrigin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
-    doubts = model_doubts(request.model, estimate, samples.position)
+    doubts = model_doubts(request.model, estimate, samples.position, first.cell)
     notes = [*data_defects([one.data for one in driven]), *given.notes, *warm.notes, *doubts]
     notes += _other_sources(
         origin,

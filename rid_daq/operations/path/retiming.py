@@ -118,7 +118,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())
-    doubts = model_doubts(request.model, estimate, samples.whole().position)
+    doubts = model_doubts(request.model, estimate, samples.whole().position, loaded.config)
     rigid = rigid_gears_notes(
         request.model,
         estimate,

@@ -69,7 +69,7 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
         lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
     )
     position = None if samples is None else samples.whole().position
-    doubts = model_doubts(request.model, warm.estimate, position)
+    doubts = model_doubts(request.model, warm.estimate, position, loaded.config)
     constant = constant_load_notes(loads.changes, loaded.config)
     rigid = rigid_gears_notes(request.model, estimate, RIGID_STREAM)
     if not rigid and has_stiffness(loaded.robot):

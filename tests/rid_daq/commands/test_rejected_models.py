@@ -91,6 +91,24 @@ def test_a_rejected_model_is_used_on_request_with_a_note(
     assert [note for note in document(capsys)["notes"] if REVERSED in note]
 
 
+@pytest.mark.parametrize("command", ["compensate", "retime"])
+def test_a_model_of_another_cell_is_used_with_a_note(
+    folder: Path,
+    command: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder)
+    sound = known_estimate(load_cell("ir361"), {})
+    for name, said in (("left_cell", 1), ("ir361", 0)):
+        write_estimate(Path("cell.json"), replace(sound, cell_name=name))
+        words = (
+            COMMANDS[command].replace("MODEL", "cell.json").replace("out.", f"of_cell_{command}.")
+        )
+        assert run([*words.split(), "--overwrite", "--json"]) == 0
+        assert len([note for note in document(capsys)["notes"] if "left_cell" in note]) == said
+
+
 def test_a_rejected_model_fails_its_validation(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
