@@ -27,7 +27,6 @@ from compensation.loops.loop_measurement import (
 )
 from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import interpolation_response, multisine_spectra
-from compensation.loops.plausible_inertia import refuse_light_axes
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
 from config.errors import DataQualityError, EstimationError
 from config.load import LoadedCell
@@ -368,52 +367,6 @@ def test_a_controller_that_contradicts_other_frequencies_is_refused(
     motion, recording = recorded
     with raises_code(EstimationError, "RID-LOOP-CONTRADICTED", "axis"):
         measure_loops(change(recording), motion, cell.robot, 15.0)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.002])
-def test_intervals_cover_the_error_of_a_slightly_clipped_torque(
-    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording], noise: float
-) -> None:
-    """The reading of the first two joints is clipped, with or without noise behind the limit."""
-    assert cell.plant is not None
-    motion, recording = recorded
-    torque = recording.torque_nm.copy()
-    random = np.random.default_rng(1).normal(size=torque.shape)
-    largest = np.abs(torque).max(axis=0)
-    torque[:, :2] = (limited(recording, 0.8).torque_nm + noise * largest * random)[:, :2]
-    found = measure_loops(replace(recording, torque_nm=torque), motion, cell.robot, 15.0)
-    for axis, loop, share in zip(cell.plant.axes, found.loops, found.unexplained, strict=True):
-        off = abs(loop.gain - axis.velocity_gain_nm_s)
-        assert off < 2.0 * loop.sigma["gain"]
-        assert (share > 0.01) is (loop.joint_name != "axis3")
-
-
-def test_commands_in_another_unit_are_refused(
-    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
-) -> None:
-    motion, recording = recorded
-    assert recording.velocity_command is not None
-    for factor in (0.01, 0.9, 1.2, 100.0):
-        command = factor * recording.velocity_command
-        with pytest.raises(EstimationError) as refused:
-            measure_loops(replace(recording, velocity_command=command), motion, cell.robot, 15.0)
-        assert refused.value.refusal in ("RID-LOOP-WEAK", "RID-LOOP-CONTRADICTED")
-
-
-def test_a_torque_in_another_unit_is_refused(
-    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
-) -> None:
-    motion, recording = recorded
-    pose = recording.position.mean(axis=0)
-    for factor in (1.0, 0.01):
-        torque = factor * recording.torque_nm
-        found = measure_loops(replace(recording, torque_nm=torque), motion, cell.robot, 15.0)
-        for robot in (cell.robot, cell.robot.model_copy(update={"cad": None})):
-            if factor == 1.0:
-                refuse_light_axes(found.cascades, robot, pose)
-                continue
-            with raises_code(EstimationError, "RID-LOOP-INERTIA", "axis1"):
-                refuse_light_axes(found.cascades, robot, pose)
 
 
 def test_the_controller_explains_torques_at_lines_without_excitation(
