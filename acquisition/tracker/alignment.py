@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,14 @@ from config.errors import DataQualityError
 
 LARGEST_RESIDUAL_M: Final = 0.03
 """Largest RMS distance at which the measured and the computed path count as the same path."""
+LARGEST_SHARE: Final = 0.3
+"""Largest RMS distance of the two paths, relative to the RMS distance of the path from its centre.
+Other motions, a point at rest and lengths in wrong units have 0.4 and more; gears that bend by 1 mm
+on a path of 10 mm have 0.2."""
+LARGEST_RATE: Final = 0.01
+"""Largest difference of two clocks' rates; instruments have less than 0.0001."""
+CLEARLY_BETTER: Final = 1.5
+"""Ratio of residuals above which the mirrored path fits better; a plane path has 1."""
 _ITERATIONS: Final = 15
 
 
@@ -58,8 +66,8 @@ def align(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> Alig
             encoders.
 
     Raises:
-        DataQualityError: The point hardly moves, the clock jumps, the two paths do not overlap in
-            time, or they are not the same path.
+        DataQualityError: The point hardly moves, the clock jumps or has another rate, the two
+            paths do not overlap in time, or they are not the same path.
     """
     path = CubicSpline(time_s, path_m)
     found = [
@@ -68,14 +76,57 @@ def align(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> Alig
     ]
     fits = [each for each in found if each is not None]
     best = min(fits, key=lambda each: each.residual_m, default=None)
-    if best is None or best.residual_m > LARGEST_RESIDUAL_M:
-        words = "" if best is None else f" (residual {1e3 * best.residual_m:.3g} mm RMS)"
+    size_m = 0.0 if best is None else _path_size_m(best.run_time(tracked.time_s), path)
+    if best is None or best.residual_m > min(LARGEST_RESIDUAL_M, LARGEST_SHARE * size_m):
+        words = ""
+        if best is not None:
+            sizes = f"{1e3 * best.residual_m:.3g} mm RMS on a path of {1e3 * size_m:.3g} mm RMS"
+            words = f" (residual {sizes})"
         raise DataQualityError(
             f"the measured path does not fit the run{words}: check that file, run and measured"
-            " point belong together",
+            " point belong together, and the unit of the coordinates",
             code=CODE,
         )
+    _refuse_other_rate(best)
+    _refuse_mirrored(tracked, path, best)
     return best
+
+
+def _path_size_m(at_s: FloatArray, path: CubicSpline) -> float:
+    """Return the RMS distance of a path from its centre, at the times that the run contains."""
+    points = path(at_s[is_covered(at_s, path.x)])
+    return float(np.sqrt(np.sum(np.var(points, axis=0))))
+
+
+def _refuse_other_rate(found: Alignment) -> None:
+    """Refuse a clock that no instrument has.
+
+    Raises:
+        DataQualityError: The clock differs from that of the run by more than `LARGEST_RATE`.
+    """
+    if abs(found.rate) > LARGEST_RATE:
+        raise DataQualityError(
+            f"the measured path fits the run only if the time stamps count {1.0 + found.rate:.4g} s"
+            " per second: check the unit of the time stamps, and that the file is of this run",
+            code=CODE,
+        )
+
+
+def _refuse_mirrored(tracked: TrackedPoint, path: CubicSpline, found: Alignment) -> None:
+    """Refuse coordinates of a left-handed frame.
+
+    Raises:
+        DataQualityError: The mirrored path fits the run better.
+    """
+    mirrored = replace(tracked, point_m=tracked.point_m * [-1.0, 1.0, 1.0])
+    other = _refined(mirrored, path, found.offset_s)
+    if other is not None and CLEARLY_BETTER * other.residual_m < found.residual_m:
+        raise DataQualityError(
+            f"the mirrored path fits the run better (residual {1e3 * other.residual_m:.3g} mm RMS"
+            f" instead of {1e3 * found.residual_m:.3g} mm): the coordinates are those of a"
+            " left-handed frame; exchange two columns, or change the sign of one",
+            code=CODE,
+        )
 
 
 def _refined(tracked: TrackedPoint, path: CubicSpline, offset_s: float) -> Alignment | None:

@@ -64,12 +64,15 @@ class LoopMeasurement:
         cascades: Fitted loops of each axis.
         left_out: Numbers of the realisations that are not used because rows are missing; the first
             is 1.
+        unexplained: Fraction of each controller's torque at lines without excitation that it leaves
+            unexplained. The intervals of gain and integral time contain it as an error.
     """
 
     controllers: tuple[FrequencyResponse, ...]
     mechanics: tuple[FrequencyResponse, ...]
     cascades: tuple[Cascade, ...]
     left_out: tuple[int, ...]
+    unexplained: tuple[float, ...]
 
     @property
     def loops(self) -> tuple[VelocityLoop, ...]:
@@ -117,8 +120,8 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
         for _ in range(PASSES_WITHOUT_IMAGES):
             spectra = without_images(measured, found.cascades)
             found = _measure(spectra, position_gain_per_s)
-    for loop in found.loops:
-        share = unexplained_share(spectra, loop)
+    shares = tuple(unexplained_share(spectra, loop) for loop in found.loops)
+    for loop, share in zip(found.loops, shares, strict=True):
         if share > LARGEST_UNEXPLAINED:
             raise EstimationError(
                 f"joint {loop.joint_name}: at frequencies without excitation, the torque differs by"
@@ -129,7 +132,11 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
                 " velocities, and the command_timing of an import",
                 code="RID-LOOP-CONTRADICTED",
             )
-    return found
+    widened = tuple(
+        replace(cascade, loop=cascade.loop.widened(share))
+        for cascade, share in zip(found.cascades, shares, strict=True)
+    )
+    return replace(found, cascades=widened, unexplained=shares)
 
 
 def unexplained_share(spectra: MultisineSpectra, loop: VelocityLoop) -> float:
@@ -216,4 +223,5 @@ def _measure(
             for controller, axis in zip(controllers, mechanics, strict=True)
         ),
         left_out=spectra.left_out,
+        unexplained=(0.0,) * len(controllers),
     )

@@ -33,6 +33,9 @@ CHOICES: Final[tuple[tuple[Extra, ...], ...]] = (PLAIN, ("delay",), ("lag",), EX
 FEWEST_LINES: Final = 4
 WHITENESS_LAGS: Final = 5
 CLEARLY_SHORTER: Final = 4.0
+FARTHEST_LOG: Final = 20.0
+"""Largest distance of gain and integral time from their start values, in logarithms; data without a
+controller would lead the fit to infinity."""
 SMALLEST_P: Final = 0.001
 SMALL_MISFIT: Final = 0.01
 """Misfit that does not matter, although it can be clearly larger than the noise."""
@@ -115,6 +118,16 @@ class VelocityLoop:
         """Return G_c at frequencies [Hz] with its delay; not defined at 0 Hz."""
         values = (self.gain, self.integral_time_s, self.delay_s, self.lag_s)
         return _response(np.asarray(frequency_hz), *values)
+
+    def widened(self, share: float) -> VelocityLoop:
+        """Return the loop with a relative error of gain and integral time added to its covariance.
+
+        Args:
+            share: Standard deviation of the error, relative to the values.
+        """
+        values = {"gain": self.gain, "integral_time_s": self.integral_time_s}
+        more = [(share * values.get(name, 0.0)) ** 2 for name in self.names]
+        return replace(self, covariance=self.covariance + np.diag(more))
 
     def add(self, by: Mapping[str, float]) -> VelocityLoop:
         """Return the loop with amounts added to its parameters, limited to possible values."""
@@ -304,8 +317,9 @@ def _fit(
     middle = float(np.median(frequency_hz))
     start = [math.log(float(np.median(size))), math.log(1.0 / (2.0 * math.pi * middle))]
     begin = np.array([*start, *(0.5 for _ in extras)])
-    lowest = np.array([-np.inf, -np.inf, *(0.0 for _ in extras)])
-    found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, np.inf))
+    lowest = np.array([*(each - FARTHEST_LOG for each in start), *(0.0 for _ in extras)])
+    highest = np.array([*(each + FARTHEST_LOG for each in start), *(np.inf for _ in extras)])
+    found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, highest))
     values = np.array(unfold(found.x))
     kept = np.array([0, 1, *(2 + EXTRAS.index(extra) for extra in extras)])
     # Derivatives of the values with respect to x: the value itself if x is its logarithm, 1e-3 if x

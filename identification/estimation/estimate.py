@@ -24,7 +24,7 @@ from identification.estimation.options import Weighting
 from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
 from identification.model.still_joints import StillJoint, refuse_unmoved_joints
-from identification.regression.fit_grade import FitGrade, grade_fit
+from identification.regression.fit_grade import FitGrade, Grade, grade_fit
 
 BLOCK_ROWS = 4096
 
@@ -84,6 +84,8 @@ class Estimate:
         gear_torque_nm: Shape (n,). If the parameters are those of the links behind elastic gears:
             RMS over the runs of the torque by which the deflection changes the motors' torques [N m
             or N]. None if the gears were assumed to be rigid.
+        contradictions: Reasons besides bad fits for which `identify` rejected the model, one
+            sentence each: mistakes in files and wiring, impossible values, wrong signals.
     """
 
     robot: RobotDescription
@@ -116,6 +118,7 @@ class Estimate:
     still: tuple[StillJoint, ...] = ()
     position_range: FloatArray | None = None
     gear_torque_nm: FloatArray | None = None
+    contradictions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
@@ -187,6 +190,17 @@ class Estimate:
             self.noise_nm,
             held_out_share=self.held_out_share,
         )
+
+    @property
+    def objections(self) -> tuple[str, ...]:
+        """All reasons for which `identify` rejected the model, one sentence each."""
+        found = list(self.contradictions)
+        grades = () if self.plate is None else self.plate.grades
+        if bad := [each.joint for each in grades if each.grade is Grade.BAD]:
+            found.append(f"The model does not explain {', '.join(bad)} of the force plate.")
+        if bad := [each.joint for each in self.fit if each.grade is Grade.BAD]:
+            found.append(f"The model does not explain the torque of {', '.join(bad)}.")
+        return tuple(found)
 
     @property
     def nonlinear_sigma(self) -> FloatArray:

@@ -144,6 +144,7 @@ class EstimateDocument(SealedModel):
     still: tuple[_Still, ...]
     position_range: Matrix | None
     gear_torque_nm: Sizes | None
+    contradictions: tuple[str, ...]
     model: _Options
     robot: RobotDescription
     sha256: str

@@ -81,6 +81,7 @@ def compensate(
     payload: Payload | str | None = None,
     load_changes: str | Path | None = None,
     temperature: str | None = None,
+    despite_misfit: bool = False,
 ) -> Feedforward:
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
@@ -99,13 +100,15 @@ def compensate(
             motion, with their times (docs/reference/files.md).
         temperature: Temperature of the joints, if the friction of the model depends on it; see
             `Model.at_temperature`.
+        despite_misfit: Accept a model with `Model.problems`.
 
     Raises:
         ConfigError: Motion, model, loops and reference run are of different robots or cells; a
             file cannot be read; or a load changes after the motion's end (RID-LOAD-CHANGE-TIME).
         DataQualityError, RecordingError: The reference run cannot be used.
-        EstimationError: The payload did not pass its verdict, or is not fully determined; or the
-            model contains a payload, but `payload` is None (RID-PAYLOAD-UNSTATED).
+        EstimationError: The model has `Model.problems` (RID-MODEL-MISFIT); the payload did not pass
+            its verdict, or is not fully determined; or the model contains a payload, but `payload`
+            is None (RID-PAYLOAD-UNSTATED).
         LimitError: The motion exceeds the torque limits with the load at some time.
     """
     described = require("motion", motion, Motion).description
@@ -126,6 +129,7 @@ def compensate(
                 if load_changes is None
                 else as_path("load_changes", load_changes),
                 "temperature": temperature,
+                "despite_misfit": despite_misfit,
             },
             shown="compensate",
         )

@@ -135,11 +135,11 @@ class Model:
     def problems(self) -> tuple[str, ...]:
         """Reasons not to use the model, one sentence each; empty if none was found.
 
-        They name joints with unexplained torque, and mistakes in wiring, units or files.
+        They name joints with unexplained torque, impossible values, and mistakes in wiring, units
+        or files. Exports, `compensate`, `retime`, `design` and `identify_payload` refuse such a
+        model, except with `despite_misfit`.
         """
-        verdict, mistakes = fit_verdict(self.section), self.section.mistakes or ()
-        bad = () if verdict.passed else (verdict.text,)
-        return (*bad, *(each.sentence for each in mistakes))
+        return self.estimate.objections
 
     @property
     def findings(self) -> tuple[str, ...]:

@@ -234,7 +234,8 @@ def design(
 
     Raises:
         ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is invalid.
-        EstimationError: The model contains a payload (RID-PAYLOAD-UNSTATED).
+        EstimationError: The model contains a payload (RID-PAYLOAD-UNSTATED), or has
+            `Model.problems` (RID-MODEL-MISFIT; `despite_misfit` in `options` accepts it).
         KeyboardInterrupt: Ctrl-C before any motion was found.
     """
     require("kind", kind, str)
@@ -272,6 +273,7 @@ def retime(
     payload: Payload | str | None = None,
     confidence: float = 0.95,
     margin: float = 0.0,
+    despite_misfit: bool = False,
     options: Mapping[str, object] | None = None,
 ) -> Motion:
     """Return the motion with the fastest timing that its speed and torque limits allow.
@@ -288,13 +290,15 @@ def retime(
         confidence: Probability with which each torque keeps its limit at one instant; 0 uses the
             model without a margin.
         margin: Additional fraction of the limits of torques and base wrench that is kept free.
+        despite_misfit: Accept a model with `Model.problems`.
         options: Further fields of the request `retime`, such as {"jerk": (80.0,)}.
 
     Raises:
         ConfigError: The motion has no path (RID-MOTION-KIND) or is of another robot, or an option
             is invalid.
-        EstimationError: The payload did not pass its verdict; or the model contains a payload, but
-            `payload` is None (RID-PAYLOAD-UNSTATED).
+        EstimationError: The model has `Model.problems` (RID-MODEL-MISFIT); the payload did not pass
+            its verdict; or the model contains a payload, but `payload` is None
+            (RID-PAYLOAD-UNSTATED).
         LimitError: A limit cannot be kept; the text names the limit and, if known, the pose.
     """
     described = require("motion", motion, Motion).description
@@ -312,6 +316,7 @@ def retime(
                     "payload": to_request_payload(payload, model, folder),
                     "confidence": confidence,
                     "margin": margin,
+                    "despite_misfit": despite_misfit,
                 },
                 options,
             ),

@@ -26,7 +26,7 @@ from rid_daq.api.model import Model
 from rid_daq.api.parameter import Parameter
 from rid_daq.api.recording import Recording, named_recordings
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
-from rid_daq.operations.cell_files import refuse_other_robot
+from rid_daq.operations.cell_files import refuse_other_robot, refuse_rejected_model
 from rid_daq.operations.payload.load_data import load_text
 from rid_daq.operations.payload.payload_estimate import estimate_payload, gear_findings
 from rid_daq.operations.payload.payload_from_files import payload_request_of
@@ -170,7 +170,8 @@ def identify_payload(
     Raises:
         ConfigError: The recordings are of different robots (RID-ROBOT-OTHER), or an option is
             invalid.
-        DataQualityError, EstimationError: The recordings do not determine a payload.
+        DataQualityError, EstimationError: The recordings do not determine a payload; or the model
+            has `Model.problems` (RID-MODEL-MISFIT; `despite_misfit` in `options` accepts it).
     """
     groups = [
         require_each("unloaded", unloaded, Recording),
@@ -199,6 +200,8 @@ def identify_payload(
     if model is not None:
         robot = require("model", model, Model).estimate
         refuse_other_robot(Path("the model"), robot.robot, data[0].robot)
+        misfit = request.despite_misfit
+        refuse_rejected_model(robot, "the model", despite_misfit=misfit)
     asked = payload_request_of(request, robot, stated)
     with named_recordings(recordings):
         result, repeats = estimate_payload(data, list(map(bool, flags)), asked)

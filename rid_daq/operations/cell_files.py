@@ -72,40 +72,81 @@ def refuse_other_robot_motion(path: Path, motion: AnyMotion, loaded: LoadedCell)
         )
 
 
-def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
+def read_estimate_for(path: Path, robot: RobotDescription, *, despite_misfit: bool) -> Estimate:
     """Return the model of a file; it must be of the given robot, and every joint must have moved.
+
+    Args:
+        path: The model file.
+        robot: The robot that it is needed for.
+        despite_misfit: True if a model that `identify` rejected is accepted.
 
     Raises:
         ConfigError: The file is not a model file, or is of another robot, even one with the same
             joint names.
         RecordingError: The file is in the folder of a run, and is not the model of this run; or a
             file of this run has changed.
-        EstimationError: A joint did not move when the model was identified.
+        EstimationError: A joint did not move when the model was identified, or `identify` rejected
+            the model.
     """
-    return read_estimate_and_bytes(path, robot)[0]
+    return read_estimate_and_bytes(path, robot, despite_misfit=despite_misfit)[0]
 
 
-def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
+def read_estimate_and_bytes(
+    path: Path, robot: RobotDescription, *, despite_misfit: bool
+) -> tuple[Estimate, bytes]:
     """Return the model of a file and the file's bytes; checks are those of `read_estimate_for`."""
     estimate, data = read_model_and_bytes(path)
     refuse_other_robot(path, estimate.robot, robot)
     refuse_unmoved_joints(estimate.still, str(path))
+    refuse_rejected_model(estimate, str(path), despite_misfit=despite_misfit)
     return estimate, data
 
 
-def read_torque_model(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
+def read_torque_model(
+    path: Path, robot: RobotDescription, *, despite_misfit: bool
+) -> tuple[Estimate, bytes]:
     """Return a model that predicts the motors' torques, and the file's bytes.
+
+    Args:
+        path, robot, despite_misfit: As for `read_estimate_for`.
 
     Raises:
         EstimationError: The model is external, without friction and inertia of the motors.
         RidDaqError: As `read_estimate_for`.
     """
-    estimate, data = read_estimate_and_bytes(path, robot)
+    estimate, data = read_estimate_and_bytes(path, robot, despite_misfit=despite_misfit)
     try:
         refuse_external_model(estimate)
     except EstimationError as error:
         raise EstimationError(f"{path}: {error}", code=error.refusal) from error
     return estimate, data
+
+
+def refuse_rejected_model(estimate: Estimate, name: str, *, despite_misfit: bool) -> None:
+    """Refuse a model that `identify` rejected with exit code 6.
+
+    Args:
+        estimate: The model.
+        name: Name of the model, for messages.
+        despite_misfit: True if the model is accepted nevertheless.
+
+    Raises:
+        EstimationError: `identify` rejected the model, and `despite_misfit` is False.
+    """
+    if estimate.objections and not despite_misfit:
+        raise EstimationError(
+            f"{name}: `identify` rejected this model. {' '.join(estimate.objections)} Correct the"
+            " files and identify again, or use the model nevertheless (--despite-misfit)",
+            code="RID-MODEL-MISFIT",
+        )
+
+
+def rejection_notes(path: Path, estimate: Estimate) -> list[str]:
+    """Return a note with the reasons for which `identify` rejected a model; otherwise none."""
+    if not estimate.objections:
+        return []
+    why = " ".join(estimate.objections)
+    return [f"{path}: `identify` rejected this model, so its torques can be wrong. {why}"]
 
 
 def refuse_other_robot(path: Path, found: RobotDescription, robot: RobotDescription) -> None:

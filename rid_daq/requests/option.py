@@ -134,6 +134,13 @@ _LoadChanges = Annotated[
 LoadChangeFile = Annotated[_LoadChanges, Option(metavar="FILE", file="input")]
 LoadChangeFileOfModel = Annotated[_LoadChanges, Option(metavar="FILE", file="input", needs="model")]
 
+_DespiteMisfit = Annotated[
+    bool,
+    Field(description="Use a model that `identify` rejected; notes show the reasons."),
+]
+DespiteMisfit = Annotated[_DespiteMisfit, Option()]
+DespiteMisfitOfModel = Annotated[_DespiteMisfit, Option(needs="model")]
+
 Coordinate = Annotated[float, Field(ge=-100.0, le=100.0), Plausible(0.0, 20.0, "m")]
 MeasuredPoint = Annotated[
     tuple[Coordinate, Coordinate, Coordinate] | None,

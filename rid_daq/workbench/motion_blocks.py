@@ -64,7 +64,7 @@ def motion_blocks(
     yield Text(text=text)
     torque, caption = None, ""
     if model is not None:
-        estimate = read_torque_model(model, cell.robot)[0]
+        estimate = read_torque_model(model, cell.robot, despite_misfit=True)[0]
         estimate = state_payload(estimate, model.name, payload, runs).estimate
         moved = (one.position, one.velocity, one.acceleration)
         torque = limit_torque(estimate, *moved, one.sample_period_s)

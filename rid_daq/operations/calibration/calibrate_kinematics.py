@@ -17,6 +17,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayloadOfModel,
     Coordinate,
+    DespiteMisfitOfModel,
     MeasuredPoint,
     Option,
     RunsFolder,
@@ -69,6 +70,7 @@ class CalibrateKinematicsRequest(Request):
         Option(positional=True, metavar="POSES", file="input"),
     ]
     model: GravityModel = None
+    despite_misfit: DespiteMisfitOfModel = False
     payload: CarriedPayloadOfModel = None
     point: MeasuredPoint = None
     load_centre: LoadCentre = None

@@ -23,6 +23,7 @@ from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     CarriedPayloadOfModel,
+    DespiteMisfitOfModel,
     MeasuredPoint,
     Option,
     Overwrite,
@@ -68,6 +69,7 @@ class CalibratePosesRequest(Request):
         Option(unit="kg"),
     ] = 0.0
     model: GravityModel = None
+    despite_misfit: DespiteMisfitOfModel = False
     payload: CarriedPayloadOfModel = None
     point: MeasuredPoint = None
     load_centre: LoadCentre = None

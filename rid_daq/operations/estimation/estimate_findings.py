@@ -15,7 +15,9 @@ from identification.consistency.consistency_test import ConsistencyTest
 from identification.estimation.estimate import Estimate
 from identification.validation.friction_drift import friction_drift
 from identification.wiring.torque_origin import torque_contradiction
+from rid_daq.operations.estimation.missing_effects import MissingEffects
 from rid_daq.operations.estimation.wiring_findings import WiringDiagnosis
+from rid_daq.report.sections.plate import PlateSection
 from rid_daq.runs.run_data import RunData
 
 
@@ -40,6 +42,19 @@ def estimate_findings(
         drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     return findings
+
+
+def contradictions_of(
+    wiring: WiringDiagnosis, missing: MissingEffects, plate: PlateSection | None
+) -> tuple[str, ...]:
+    """Return the reasons to reject an estimate besides bad fits, one sentence each."""
+    found = [*(each.sentence for each in wiring.mistakes or ()), *wiring.sentences]
+    if wrong := (*missing.late, *missing.clipped):
+        found.append(f"The recorded torque of {', '.join(wrong)} is late or clipped.")
+    found += missing.payloads
+    if plate is not None and plate.mistake is not None:
+        found.append(plate.mistake.sentence)
+    return tuple(found)
 
 
 def contradictions_of_torque_meaning(

@@ -23,6 +23,7 @@ from identification.validation.torque_filters import channel_findings
 from identification.wiring.clipped_torques import ClippedTorque, find_clipped_torques
 from identification.wiring.late_torques import LateTorque, find_late_torques
 from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
+from rid_daq.operations.estimation.unstated_payload import find_unstated_payload
 from rid_daq.operations.estimation.wiring_findings import WiringDiagnosis
 from rid_daq.runs.run_data import RunData
 
@@ -38,11 +39,13 @@ class MissingEffects:
         findings: One sentence each.
         late: Joints whose torques are later than any bus explains.
         clipped: Joints whose torques are clipped.
+        payloads: Runs with a payload that is not stated, one sentence each.
     """
 
     findings: tuple[str, ...] = ()
     late: tuple[str, ...] = ()
     clipped: tuple[str, ...] = ()
+    payloads: tuple[str, ...] = ()
 
 
 def find_missing_effects(
@@ -91,6 +94,7 @@ def find_missing_effects(
         tuple(findings),
         tuple(each.joint for each in late if each.is_long),
         clipped_joints,
+        () if wiring.mistakes else _unstated_payloads(estimate, data, how, stretches),
     )
 
 
@@ -122,6 +126,32 @@ def _coarse_torques(data: Sequence[RunData]) -> set[str]:
     }
 
 
+def _unstated_payloads(
+    estimate: Estimate,
+    data: Sequence[RunData],
+    how: EstimationJob,
+    stretches: Sequence[Sequence[SmoothedSignals]],
+) -> tuple[str, ...]:
+    """Return a sentence on a run with a payload that is not stated; empty without one."""
+    found = find_unstated_payload(
+        estimate.robot,
+        _numbered(estimate, stretches),
+        replace(how.options, model=estimate.options),
+    )
+    return () if found is None else (found.sentence(data[found.run].folder.run_id),)
+
+
+def _numbered(
+    estimate: Estimate, stretches: Sequence[Sequence[SmoothedSignals]]
+) -> list[tuple[int, SmoothedSignals]]:
+    """Return thinned signals with the numbers of their runs."""
+    return [
+        (number, thin_rows(replace(run, channel=estimate.channel)))
+        for number, own in enumerate(stretches)
+        for run in own
+    ]
+
+
 def _drift_findings(
     estimate: Estimate,
     data: Sequence[RunData],
@@ -134,11 +164,7 @@ def _drift_findings(
     """
     if estimate.warming is not None:
         return []
-    runs = [
-        (number, thin_rows(replace(run, channel=estimate.channel)))
-        for number, own in enumerate(stretches)
-        for run in own
-    ]
+    runs = _numbered(estimate, stretches)
     options = replace(how.options, model=estimate.options)
     try:
         fitted = fit_smoothed(estimate.robot, [run for _, run in runs], options)

@@ -29,6 +29,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayloadOfModel,
     CellName,
+    DespiteMisfit,
     Option,
     Overwrite,
     RunsFolder,
@@ -224,6 +225,7 @@ class DesignRequest(Request):
         Field(description="Model file for the torque limits; the robot file's `cad` if not set."),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfit = False
     payload: CarriedPayloadOfModel = None
     given: Annotated[
         tuple[Path, ...],

@@ -30,7 +30,7 @@ from identification.design.two_harmonic import (
 from identification.elasticity.limit_torque import limit_temperature_note
 from identification.estimation.estimate import Estimate, refuse_external_model
 from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.operations.cell_files import read_estimate_for
+from rid_daq.operations.cell_files import read_estimate_for, rejection_notes
 from rid_daq.operations.experiment.design import (
     EXCITATION_PERIOD_S,
     DesignRequest,
@@ -160,7 +160,7 @@ def _design_excitation(
         harmonics=how.harmonics or HARMONICS,
         criterion=criterion_of_options(robot, how.criterion, how.wanted),
         model=_limit_model(request, robot),
-        given=_given_models(request.given, robot),
+        given=_given_models(request.given, robot, despite_misfit=request.despite_misfit),
     )
     found = search(problem, config, how, context, request.scheduler)
     origin = (
@@ -171,11 +171,13 @@ def _design_excitation(
     return found.best.motion, origin, found
 
 
-def _given_models(paths: Sequence[Path], robot: RobotDescription) -> list[Estimate]:
+def _given_models(
+    paths: Sequence[Path], robot: RobotDescription, *, despite_misfit: bool
+) -> list[Estimate]:
     """Return the models of earlier runs; no run may count twice."""
     models: dict[Path, Estimate] = {}
     for path in paths:
-        model = read_estimate_for(path, robot)
+        model = read_estimate_for(path, robot, despite_misfit=despite_misfit)
         for other, earlier in models.items():
             shared = sorted(set(model.run_ids) & set(earlier.run_ids))
             if shared or path == other or np.array_equal(model.values, earlier.values):
@@ -198,14 +200,17 @@ def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotio
     samples = _write_motion(request, cell, motion)
     warmth = "" if estimate is None else limit_temperature_note(estimate)
     use = limit_use(samples, robot, estimate)
-    return DesignedMotion(cell, motion, samples, use=use, notes=(warmth,) if warmth else ())
+    notes: tuple[str, ...] = (warmth,) if warmth else ()
+    if request.model is not None and estimate is not None:
+        notes += tuple(f"note: {note}" for note in rejection_notes(request.model, estimate))
+    return DesignedMotion(cell, motion, samples, use=use, notes=notes)
 
 
 def _limit_model(request: DesignRequest, robot: RobotDescription) -> Estimate | None:
     """Return the model for the torque limits, with the payload; None without one."""
     if request.model is None:
         return None
-    estimate = read_estimate_for(request.model, robot)
+    estimate = read_estimate_for(request.model, robot, despite_misfit=request.despite_misfit)
     return state_payload(estimate, request.model, request.payload, request.runs).estimate
 
 
@@ -213,12 +218,14 @@ def _limit_notes(request: DesignRequest, robot: RobotDescription) -> tuple[str, 
     """Return notes on the torques that the search for an excitation compares with the limits."""
     if request.model is None:
         return ()
-    notes = rigid_gears_notes(
+    estimate = read_estimate_for(request.model, robot, despite_misfit=request.despite_misfit)
+    rigid = rigid_gears_notes(
         request.model,
-        read_estimate_for(request.model, robot),
+        estimate,
         "the search keeps the limits with the torques of rigid gears; `record --model` compares the"
         " torques of the motors with the limits",
     )
+    notes = (*rejection_notes(request.model, estimate), *rigid)
     return tuple(f"note: {note}" for note in notes)
 
 

@@ -25,6 +25,7 @@ from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     CellName,
+    DespiteMisfitOfModel,
     LoadChangeFile,
     Option,
     RunsFolder,
@@ -81,6 +82,7 @@ class RecordRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfitOfModel = False
     payload: Annotated[
         str | None,
         Field(

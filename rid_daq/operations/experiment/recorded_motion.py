@@ -21,7 +21,12 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.elasticity.limit_torque import limit_temperature_note
-from rid_daq.operations.cell_files import add_feedforward, read_motion_and_bytes, read_torque_model
+from rid_daq.operations.cell_files import (
+    add_feedforward,
+    read_motion_and_bytes,
+    read_torque_model,
+    rejection_notes,
+)
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
 from rid_daq.operations.stated_loads import (
@@ -183,7 +188,9 @@ def _refuse_excessive_torque(
 ) -> None:
     """Refuse a motion if a model predicts torques beyond the limits, as planned or as driven."""
     motion, samples = planned.motion, planned.samples
-    estimate = read_torque_model(model, loaded.robot)[0]
+    estimate = read_torque_model(model, loaded.robot, despite_misfit=request.despite_misfit)[0]
+    for note in rejection_notes(model, estimate):
+        context.say(f"note: {note}")
     stated = (model, request.payload, request.load_changes, request.runs)
     load = state_loads(estimate, *stated).over_time(lambda one: one)
     refuse_torque(motion, samples, load, loaded.robot)

@@ -46,10 +46,10 @@ class ExportRequest(Request):
 
     For a model, the physically consistent parameters closest to the identified ones are written; if
     they do not explain the data, nothing is written unless --despite-misfit or --as-identified is
-    given. If the fit of a joint is bad, --despite-misfit is always needed. A comment in the file
-    lists what its format cannot express. Tables contain both sets of parameters, and the intervals
-    of the identified ones. For a run, every row is written. If the drives reported temperatures,
-    the torques are corrected for warm torque constants.
+    given. If `identify` rejected the model, --despite-misfit is always needed. A comment in the
+    file lists what its format cannot express. Tables contain both sets of parameters, and the
+    intervals of the identified ones. For a run, every row is written. If the drives reported
+    temperatures, the torques are corrected for warm torque constants.
     """
 
     what: Annotated[
@@ -104,7 +104,7 @@ class ExportRequest(Request):
         bool,
         Field(
             description="Write the closest physically consistent model even if it contradicts"
-            " the data (the file says so), or a model with a bad fit."
+            " the data (the file says so), or a model that `identify` rejected."
         ),
     ] = False
     overwrite: Overwrite = False

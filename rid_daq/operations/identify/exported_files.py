@@ -26,7 +26,7 @@ from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
 from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
-from identification.regression.fit_grade import Grade
+from rid_daq.operations.cell_files import refuse_rejected_model
 from rid_daq.operations.identify.export import (
     ENDINGS,
     ExportedModel,
@@ -180,23 +180,16 @@ def exported_parameters(
 
     Raises:
         ConfigError: --despite-misfit has no effect.
-        EstimationError: A joint did not move, the model does not explain its own data, or no
-            physically consistent parameters explain them.
+        EstimationError: A joint did not move, `identify` rejected the model, or no physically
+            consistent parameters explain the data.
     """
     if not request.as_identified:
         refuse_unmoved_joints(estimate.still, request.what)
-    bad = [fit.joint for fit in estimate.fit if fit.grade is Grade.BAD]
-    if bad and not request.despite_misfit:
-        raise EstimationError(
-            f"{request.what}: the model does not explain the torque of {', '.join(bad)} on its"
-            " own data; correct the files and identify again (`rid-daq identify` names the"
-            " mistake), or export it nevertheless (--despite-misfit)",
-            code="RID-MODEL-MISFIT",
-        )
+    refuse_rejected_model(estimate, request.what, despite_misfit=request.despite_misfit)
     if request.as_identified:
-        if not bad:
+        if not estimate.objections:
             _refuse_without_effect(
-                request, ("despite_misfit",), "with --as-identified if the fit of no joint is bad"
+                request, ("despite_misfit",), "with --as-identified if the model was not rejected"
             )
         return ExportModel.from_estimate(
             estimate

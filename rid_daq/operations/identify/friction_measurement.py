@@ -71,7 +71,9 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasurement:
                 beside.setdefault(curve.joint, []).append(ComparedFriction.of(label, curve, own))
     whole = [join_curves(curves[name]) for name in first.robot.joint_names if name in curves]
     model = request.model
-    compared = None if model is None else EstimatedFriction(read_estimate_for(model, first.robot))
+    compared = None
+    if model is not None:
+        compared = EstimatedFriction(read_estimate_for(model, first.robot, despite_misfit=True))
     fits = [fit_friction(curve, first.robot) for curve in whole]
     section = FrictionSection.of(whole, fits, first.robot, compared, beside)
     report = write_result(first.folder, result_of(first, notes).with_sections(friction=section))

@@ -17,6 +17,7 @@ from identification.model.known_loads import Bodies, load_findings
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.wiring.held_out import held_out_share
 from rid_daq.operations.estimation.estimate_findings import (
+    contradictions_of,
     contradictions_of_torque_meaning,
     estimate_findings,
     examine_consistency,
@@ -145,6 +146,7 @@ def identify_robot(
     if request.diagnose:
         with working(context, "Searching for missing effects"):
             missing = find_missing_effects(estimate, data, how, comparison, wiring)
+    estimate = replace(estimate, contradictions=contradictions_of(wiring, missing, plate))
     run_ids = [item.folder.run_id for item in data]
     findings = [
         *wiring.sentences,
@@ -157,6 +159,7 @@ def identify_robot(
         *([] if comparison is None else comparison.refused.findings(comparison.joint_names)),
         *([] if gains is None else [f"{sentence}." for sentence in gains.sentences()]),
         *missing.findings,
+        *missing.payloads,
         *(_cross_check(data, how, estimate, context) if request.cross_check else []),
     ]
     checks = EstimateChecks(

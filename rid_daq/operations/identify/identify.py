@@ -95,8 +95,9 @@ class IdentifyRequest(Request):
     shift and used in the time domain. The model file contains all data that other commands need.
     The fit fails if the model does not explain a joint's torque or the base wrench, or if the
     identified friction, the arm's weight or the moving mass of a prismatic joint is impossible. It
-    also fails if recorded torques are clipped, or later or earlier than a bus explains, or if the
-    model fits far better after the correction of a common mistake in wiring, units or files.
+    also fails if recorded torques are clipped, or later or earlier than a bus explains, if one run
+    contains a payload that is not stated, or if the model fits far better after the correction of a
+    common mistake in wiring, units or files.
 
     In a terminal: exit code 6 if the fit fails.
     """
@@ -213,11 +214,10 @@ class IdentifyResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 6 if there are `bad_joints`, or if `has_mistakes` is true."""
+        """Exit code 6 if there are objections to the model."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        found = self.identified
-        return ExitCode.DATA_QUALITY if found.bad_joints or found.has_mistakes else ExitCode.DONE
+        return ExitCode.DATA_QUALITY if self.identified.objections else ExitCode.DONE
 
     def document(self) -> IdentifyDocument:
         """Return the model and its quality as numbers."""

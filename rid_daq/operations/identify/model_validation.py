@@ -153,7 +153,9 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
         )
     cell = load_cell(request.cell)
     limits = required_plate_limits(cell.config, f"cell {cell.config.name}")
-    estimate = _stated_model(request, read_estimate_for(request.model, cell.robot))
+    estimate = _stated_model(
+        request, read_estimate_for(request.model, cell.robot, despite_misfit=True)
+    )
     asked = read_motion_for(motion, cell)
     samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()
     time_s = np.arange(len(samples), dtype=np.float64) * samples.sample_period_s
@@ -163,7 +165,9 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
         " This is the reaction of the commanded motion; overshoot of the drives increases it.",
     )
     passed = f"Passed: {motion.name} keeps the limits of the reaction on the base"
-    return ValidatedModel(verdict_of_checks(load.checks, passed, load.sentence), base_load=load)
+    return ValidatedModel(
+        verdict_of_checks(load.checks, passed, load.sentence, estimate), base_load=load
+    )
 
 
 def _stated_model(request: ValidateRequest, estimate: Estimate) -> Estimate:

@@ -15,7 +15,7 @@ from identification.choices import REPORTED, Share
 from rid_daq.blocks.block import AnyBlock, Cells, Table, Text, table
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
-from rid_daq.requests.option import FILES, CellName, Option, Overwrite
+from rid_daq.requests.option import FILES, CellName, DespiteMisfitOfModel, Option, Overwrite
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ class SensitivityRequest(Request):
         Field(description="Model file of `identify`, for a robot that is not simulated."),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfitOfModel = False
     motion: Annotated[
         Path | None,
         Field(

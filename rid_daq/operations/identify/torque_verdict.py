@@ -98,7 +98,7 @@ def validate_recording(
         load = BaseLoadSection.of(
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
         )
-    verdict = _validation_verdict(section, reaction, load, estimate.robot.name)
+    verdict = _validation_verdict(section, reaction, load, estimate)
     return TorqueVerdict(validation, section, verdict, reaction, load, not_compared)
 
 
@@ -148,7 +148,7 @@ def validate_together(
         RunErrors.of(label, part, robot) for label, part in zip(labels, parts, strict=True)
     )
     reaction, not_compared = _compare_wrench(request, estimate, runs)
-    verdict = _validation_verdict(section, reaction, None, estimate.robot.name, "these runs")
+    verdict = _validation_verdict(section, reaction, None, estimate, "these runs")
     return each_run, TorqueVerdict(whole, section, verdict, reaction, None, not_compared)
 
 
@@ -228,11 +228,20 @@ def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
     return limits
 
 
-def verdict_of_checks(checks: Sequence[VerdictCheck], passed: str, sentence: str) -> VerdictSection:
-    """Return a verdict whose headline names the joints and components beyond their limits."""
+def verdict_of_checks(
+    checks: Sequence[VerdictCheck], passed: str, sentence: str, estimate: Estimate
+) -> VerdictSection:
+    """Return a verdict whose headline names the joints and components beyond their limits.
+
+    A model that `identify` rejected always fails.
+    """
     failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
     exceed = "exceeds" if len(failed) == 1 else "exceed"
     headline = f"Failed: {', '.join(failed)} {exceed} the limit" if failed else passed
+    if estimate.objections:
+        headline = headline if failed else "Failed: `identify` rejected this model"
+        words = f"{sentence} `identify` rejected this model. {' '.join(estimate.objections)}"
+        return VerdictSection.failed(headline, words).model_copy(update={"checks": tuple(checks)})
     return VerdictSection.of(checks, headline, sentence)
 
 
@@ -317,7 +326,7 @@ def _validation_verdict(
     section: ValidationSection,
     reaction: ReactionSection | None,
     load: BaseLoadSection | None,
-    robot: str,
+    estimate: Estimate,
     what: str = "this run",
 ) -> VerdictSection:
     checks = [
@@ -335,10 +344,11 @@ def _validation_verdict(
     checks += [] if load is None else load.checks
     errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
     sentence = f"Relative torque error of each axis: {errors} %."
-    if not checks:
+    if not checks and not estimate.objections:
         return VerdictSection.of([], "Torques predicted; no limits, so no verdict", sentence)
+    robot = estimate.robot.name
     doubtful = [axis.joint for axis in section.axes if axis.grade is Grade.DOUBTFUL]
     doubt = f"; the fit of {', '.join(doubtful)} is doubtful" if doubtful else ""
     return verdict_of_checks(
-        checks, f"Passed: the model of {robot} predicts {what}{doubt}", sentence
+        checks, f"Passed: the model of {robot} predicts {what}{doubt}", sentence, estimate
     )

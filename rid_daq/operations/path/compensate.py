@@ -17,6 +17,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayload,
     CellName,
+    DespiteMisfit,
     LoadChangeFile,
     Option,
     Overwrite,
@@ -56,6 +57,7 @@ class CompensateRequest(Request):
         ),
         Option(metavar="RUN"),
     ] = None
+    despite_misfit: DespiteMisfit = False
     payload: CarriedPayload = None
     load_changes: LoadChangeFile = None
     temperature: Temperature = None

@@ -114,7 +114,9 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     given = read_loops_for(request.loop, loaded.robot, loaded.config)
     loops = given.loops
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    modelled, model_bytes = read_torque_model(request.model, loaded.robot)
+    modelled, model_bytes = read_torque_model(
+        request.model, loaded.robot, despite_misfit=request.despite_misfit
+    )
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(modelled, *stated)
     samples = loads.planned(samples)
@@ -124,7 +126,11 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
         lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
     )
     position = samples.whole().position
-    notes = [*given.notes, *warm.notes, *model_doubts(request.model, warm.estimate, position)]
+    notes = [
+        *given.notes,
+        *warm.notes,
+        *model_doubts(request.model, warm.estimate, position, loaded.config),
+    ]
     tuning = None
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
@@ -189,7 +195,9 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    modelled, model_bytes = read_torque_model(request.model, first.data.robot)
+    modelled, model_bytes = read_torque_model(
+        request.model, first.data.robot, despite_misfit=request.despite_misfit
+    )
     carrying = state_payload(modelled, request.model, request.payload, request.runs)
     velocity = samples.whole().velocity
     warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
@@ -202,7 +210,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     origin = FeedforwardOrigin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
-    doubts = model_doubts(request.model, estimate, samples.position)
+    doubts = model_doubts(request.model, estimate, samples.position, first.cell)
     notes = [*data_defects([one.data for one in driven]), *given.notes, *warm.notes, *doubts]
     notes += _other_sources(
         origin,

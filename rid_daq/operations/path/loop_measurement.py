@@ -17,6 +17,7 @@ from compensation.loops.loop_measurement import (
     measure_loops,
     measure_spectra,
 )
+from compensation.loops.plausible_inertia import refuse_light_axes
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
@@ -63,6 +64,7 @@ def measure_velocity_loops(request: LoopRequest) -> MeasuredLoops:
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     notes = data_defects([data])
     found = _measure_import(request, data) if data.import_map else _measure_run(request, data)
+    refuse_light_axes(found.cascades, data.robot, data.recording.position.mean(axis=0))
     section = VelocityLoopsSection.of(data.robot, found, advise(found.cascades))
     output = request.output or data.folder.file("loops.json")
     cell = "" if data.cell is None else data.cell.name

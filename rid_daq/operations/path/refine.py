@@ -12,6 +12,7 @@ from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFi
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     CarriedPayload,
+    DespiteMisfit,
     Overwrite,
     RunNames,
     RunsFolder,
@@ -36,6 +37,7 @@ class RefineRequest(Request):
     model: ModelFile
     loop: LoopsFile
     output: FeedforwardOutput
+    despite_misfit: DespiteMisfit = False
     payload: CarriedPayload = None
     temperature: Temperature = None
     overwrite: Overwrite = False

@@ -19,6 +19,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayload,
     CellName,
+    DespiteMisfit,
     Option,
     Overwrite,
     RunsFolder,
@@ -57,6 +58,7 @@ class RetimeRequest(Request):
         Field(description="Motion file to write."),
         Option(short="o", metavar="MOTION", group=FILES, file="output", endings=(".yaml",)),
     ]
+    despite_misfit: DespiteMisfit = False
     payload: CarriedPayload = None
     confidence: Annotated[
         Confidence,

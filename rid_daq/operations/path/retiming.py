@@ -81,7 +81,8 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             " (joint_path, path, circle, joint_table, multipoint)",
             code="RID-MOTION-KIND",
         )
-    estimate = read_torque_model(request.model, robot)[0]
+    misfit = request.despite_misfit
+    estimate = read_torque_model(request.model, robot, despite_misfit=misfit)[0]
     estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
     limits = _timing_limits(request, loaded)
     if request.base:
@@ -117,7 +118,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())
-    doubts = model_doubts(request.model, estimate, samples.whole().position)
+    doubts = model_doubts(request.model, estimate, samples.whole().position, loaded.config)
     rigid = rigid_gears_notes(
         request.model,
         estimate,

@@ -20,6 +20,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayload,
     CellName,
+    DespiteMisfit,
     LoadChangeFile,
     Option,
     RunsFolder,
@@ -79,6 +80,7 @@ class StreamRequest(Request):
         ),
     ] = None
     options: StreamOptions = StreamOptions()
+    despite_misfit: DespiteMisfit = False
     payload: CarriedPayload = None
     load_changes: LoadChangeFile = None
     temperature: Temperature = None

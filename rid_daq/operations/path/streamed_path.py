@@ -56,7 +56,9 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
     loaded = load_cell(request.cell)
     words, samples, files = _plan_path(request, loaded)
     measured = read_loops_for(request.loop, loaded.robot, loaded.config)
-    estimate, model_bytes = read_torque_model(request.model, loaded.robot)
+    estimate, model_bytes = read_torque_model(
+        request.model, loaded.robot, despite_misfit=request.despite_misfit
+    )
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(estimate, *stated)
     if samples is not None:
@@ -67,7 +69,7 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
         lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
     )
     position = None if samples is None else samples.whole().position
-    doubts = model_doubts(request.model, warm.estimate, position)
+    doubts = model_doubts(request.model, warm.estimate, position, loaded.config)
     constant = constant_load_notes(loads.changes, loaded.config)
     rigid = rigid_gears_notes(request.model, estimate, RIGID_STREAM)
     if not rigid and has_stiffness(loaded.robot):

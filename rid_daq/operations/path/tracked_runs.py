@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from identification.elasticity.transmitted_torque import lumped_motors
 from identification.estimation.estimate import Estimate
-from rid_daq.operations.cell_files import read_estimate_for
+from rid_daq.operations.cell_files import read_estimate_for, rejection_notes
 from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.operations.stated_loads import require_same_changes, state_loads
 from rid_daq.operations.stated_payload import payload_words
@@ -91,7 +91,8 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
     estimate = None
     loads: dict[str, Estimate | RampedLoad] = {}
     if request.model is not None:
-        estimate = read_estimate_for(request.model, robot)
+        estimate = read_estimate_for(request.model, robot, despite_misfit=request.despite_misfit)
+        notes += rejection_notes(request.model, estimate)
         stated = (request.model, request.payload, request.load_changes, request.runs)
         stated_loads = state_loads(estimate, *stated)
         for one in (*driven, *others):

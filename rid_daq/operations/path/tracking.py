@@ -14,6 +14,7 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     CarriedPayloadOfModel,
+    DespiteMisfitOfModel,
     LoadChangeFileOfModel,
     MeasuredPoint,
     Option,
@@ -53,6 +54,7 @@ class TrackingRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfitOfModel = False
     payload: CarriedPayloadOfModel = None
     load_changes: LoadChangeFileOfModel = None
     tracker: Annotated[

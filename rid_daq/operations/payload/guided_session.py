@@ -20,7 +20,7 @@ from identification.payload.file import write_payload
 from identification.payload.motion import PayloadSearch, design_payload_motion
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
 from identification.payload.rating import refuse_heavier
-from rid_daq.operations.cell_files import read_motion_for, read_torque_model
+from rid_daq.operations.cell_files import read_motion_for, read_torque_model, rejection_notes
 from rid_daq.operations.payload.payload_estimate import (
     PayloadRequest,
     estimate_payload,
@@ -72,7 +72,12 @@ def run_payload_session(
         file = SessionFile.read(find_run(request.runs, request.resume, having=(SESSION,)))
         request = request.with_original_options(file.request)
     known = tuple(each.known() for each in request.known)
-    robot = None if request.model is None else read_torque_model(request.model, loaded.robot)[0]
+    robot = None
+    if request.model is not None:
+        misfit = request.despite_misfit
+        robot = read_torque_model(request.model, loaded.robot, despite_misfit=misfit)[0]
+        for note in rejection_notes(request.model, robot):
+            context.say(f"note: {note}")
     how = PayloadOptions(
         procedure="together" if robot is None else "model",
         robot=robot,

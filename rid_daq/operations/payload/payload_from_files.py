@@ -11,7 +11,7 @@ from identification.model.options import ModelOptions
 from identification.payload.file import write_payload
 from identification.payload.known import KnownPayloadValue
 from identification.payload.procedures import TORQUE_CONSTANT_SIGMA, PayloadOptions
-from rid_daq.operations.cell_files import read_torque_model
+from rid_daq.operations.cell_files import read_torque_model, rejection_notes
 from rid_daq.operations.payload.payload_estimate import (
     PayloadRequest,
     estimate_payload,
@@ -50,7 +50,11 @@ def identify_payload_runs(request: PayloadIdentifyRequest, context: Context) -> 
     notes = all_defects(data)
     require_torques(data)
     flags = [False] * len(request.unloaded) + [True] * len(request.loaded)
-    robot = None if request.model is None else read_torque_model(request.model, data[0].robot)[0]
+    robot = None
+    if request.model is not None:
+        misfit = request.despite_misfit
+        robot = read_torque_model(request.model, data[0].robot, despite_misfit=misfit)[0]
+        notes += rejection_notes(request.model, robot)
     asked = payload_request_of(request, robot, known)
     first = data[flags.index(True)]
     result = result_of(first, notes).with_sections(title=f"Payload on {first.robot.name}")

@@ -29,6 +29,7 @@ from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
+    DespiteMisfitOfModel,
     Option,
     Overwrite,
     RunsFolder,
@@ -177,6 +178,7 @@ class PayloadIdentifyRequest(Request):
         ),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfitOfModel = False
     procedure: Annotated[
         Literal["together", "difference", "model", "apart"] | None,
         Field(

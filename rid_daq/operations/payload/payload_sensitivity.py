@@ -136,7 +136,7 @@ def _sensitivity_problems(
     terms = RobotModel.from_description(robot)
     n = len(robot.joints)
     if model is not None:
-        estimate = read_estimate_for(model, robot)
+        estimate = read_estimate_for(model, robot, despite_misfit=request.despite_misfit)
         model_terms = estimate.model
         if (model_terms.parameter_names, model_terms.nonlinear_names) != (
             terms.parameter_names,

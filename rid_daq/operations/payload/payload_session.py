@@ -26,7 +26,14 @@ from rid_daq.requests.cell_options import (
     SimulatedPace,
     SimulatedPayload,
 )
-from rid_daq.requests.option import DEFAULT_RUNS, FILES, CellName, Option, RunsFolder
+from rid_daq.requests.option import (
+    DEFAULT_RUNS,
+    FILES,
+    CellName,
+    DespiteMisfitOfModel,
+    Option,
+    RunsFolder,
+)
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
@@ -39,7 +46,7 @@ LOADED: Final = "loaded"
 _OF_SESSION: Final = frozenset(
     {
         *("repeats", "model", "payload", "known", "until_mass_kg", "limits", "label", "seed"),
-        "practise",
+        *("practise", "despite_misfit"),
         *("rehearsal_percent", "warm_up_percent", "warm_up_periods"),
     }
 )
@@ -68,6 +75,7 @@ class PayloadSessionRequest(Request):
         Field(description="Model file of the robot, instead of the run without payload."),
         Option(metavar="MODEL", file="input"),
     ] = None
+    despite_misfit: DespiteMisfitOfModel = False
     known: Annotated[
         tuple[KnownQuantity, ...],
         Field(

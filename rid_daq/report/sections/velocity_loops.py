@@ -122,6 +122,7 @@ class AxisLoop(Section):
         controller: FrequencyResponse,
         mechanics: FrequencyResponse,
         cascade: Cascade,
+        unexplained: float,
     ) -> AxisLoop:
         """Return the measurements and fits of one axis."""
         loop, axis = cascade.loop, cascade.mechanics
@@ -151,7 +152,7 @@ class AxisLoop(Section):
             response=ControllerResponse.of(controller, loop),
             mechanics_response=MechanicsResponse.of(mechanics),
             cascade=CascadeCurves.of(controller, mechanics, cascade),
-            findings=tuple(_findings(controller, cascade)),
+            findings=tuple(_findings(controller, cascade, unexplained)),
             grade=fit.grade,
             reason=fit.reason,
             mechanics_noise=axis.noise,
@@ -193,9 +194,13 @@ class VelocityLoopsSection(Section):
             largest_position_gain_per_s=finite_or_none(advice.largest_per_s),
             advice=advice.sentence,
             axes=tuple(
-                AxisLoop.of(robot, controller, axis, cascade)
-                for controller, axis, cascade in zip(
-                    measured.controllers, measured.mechanics, measured.cascades, strict=True
+                AxisLoop.of(robot, *each)
+                for each in zip(
+                    measured.controllers,
+                    measured.mechanics,
+                    measured.cascades,
+                    measured.unexplained,
+                    strict=True,
                 )
             ),
         )
@@ -222,9 +227,15 @@ def _sentence(measured: LoopMeasurement) -> str:
     return sentence
 
 
-def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
+def _findings(measured: FrequencyResponse, cascade: Cascade, unexplained: float) -> list[str]:
     """Return the problems of the fit; empty without problems."""
     loop, found = cascade.loop, []
+    if unexplained:
+        found.append(
+            f"at frequencies without excitation, {100.0 * unexplained:.2g} % of the torque differ"
+            " from that of the controller; the intervals contain this as an error. If it is more"
+            " than 1 %, check that no torque was limited or clipped (reduce the amplitude)"
+        )
     if not loop.is_explained:
         found.append(
             "a proportional-integral controller does not explain the measured response: look for"

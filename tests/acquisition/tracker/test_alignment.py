@@ -90,3 +90,43 @@ def test_a_jump_of_the_clock_is_refused() -> None:
     )
     with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "0 s"):
         align(jumped, TIME_S, path(TIME_S))
+
+
+def small(time_s: FloatArray) -> FloatArray:
+    """Return the points (m, 3) of a path of 20 mm."""
+    return np.array([0.9, 0.1, 0.7]) + 0.05 * (path(time_s) - path(np.zeros(1)))
+
+
+def seen(points: FloatArray, *, factor: float = 1.0, noise_m: float = 2e-5) -> TrackedPoint:
+    """Return a path in the frame of an instrument, with noise, on the clock of the run."""
+    noise = noise_m * np.random.default_rng(3).normal(size=points.shape)
+    return TrackedPoint(TIME_S, factor * (points @ TURN.T + ORIGIN_M) + noise)
+
+
+def test_a_small_path_with_soft_gears_is_accepted() -> None:
+    bent = small(TIME_S) + 0.001 * np.sin(TIME_S[:, np.newaxis] * [1.0, 1.3, 1.7])
+    found = align(seen(bent), TIME_S, small(TIME_S))
+    assert found.residual_m == pytest.approx(0.001 * np.sqrt(1.5), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        seen(np.tile(small(TIME_S[:1]), (len(TIME_S), 1))),
+        seen(small(TIME_S)[::-1] * [1.0, 0.98, 1.02]),
+        seen(small(TIME_S), factor=0.3937),
+        seen(small(TIME_S) * [-1.0, 1.0, 1.0]),
+        TrackedPoint(2.0 * TIME_S, seen(small(TIME_S)).point_m),
+        TrackedPoint(1.05 * TIME_S, seen(small(TIME_S)).point_m),
+    ],
+    ids=["at rest", "another path", "tens of inches", "mirrored", "half speed", "slow clock"],
+)
+def test_a_small_path_hides_no_wrong_file(wrong: TrackedPoint) -> None:
+    with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT"):
+        align(wrong, TIME_S, small(TIME_S))
+
+
+def test_a_mirrored_frame_is_refused_even_if_the_residual_is_small() -> None:
+    flat = path(TIME_S) * [1.0, 1.0, 0.02]
+    with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "left-handed"):
+        align(seen(flat * [-1.0, 1.0, 1.0]), TIME_S, flat)

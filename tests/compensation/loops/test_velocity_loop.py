@@ -345,9 +345,9 @@ def test_loops_faster_than_the_cycle_are_identified_without_a_torque_filter(
         assert loop.p_value > 1e-3
 
 
-def limited(recording: Recording) -> Recording:
-    """Return the recording with each torque limited to 60 % of its maximum."""
-    limit = 0.6 * np.abs(recording.torque_nm).max(axis=0)
+def limited(recording: Recording, share: float = 0.6) -> Recording:
+    """Return the recording with each torque limited to a share of its maximum."""
+    limit = share * np.abs(recording.torque_nm).max(axis=0)
     return replace(recording, torque_nm=np.clip(recording.torque_nm, -limit, limit))
 
 
