@@ -37,16 +37,21 @@ class WiringDiagnosis:
     late_s: float = 0.0
 
     @property
+    def late_sentences(self) -> tuple[str, ...]:
+        """Sentence on torques whose delay a bus can explain; empty without one."""
+        if not self.late_s:
+            return ()
+        cause = "a bus or a filter" if self.late_s > 0.0 else "a bus"
+        return (
+            f"All recorded torques are {delay_words(self.late_s)}; {cause} can explain this. The"
+            " parameters contain the effect: estimate it with `identify --choose`, or correct the"
+            " time stamps.",
+        )
+
+    @property
     def sentences(self) -> tuple[str, ...]:
-        """Sentences on late torques, and on physically impossible properties of the runs."""
+        """Sentences on physically impossible properties of the runs."""
         sentences = []
-        if self.late_s:
-            sentences.append(
-                f"All recorded torques are {delay_words(self.late_s)}; a bus"
-                f"{' or a filter' if self.late_s > 0.0 else ''} can explain this. The parameters"
-                " contain the effect: estimate it with `identify --choose`, or correct the time"
-                " stamps."
-            )
         if self.driving:
             sentences.append(
                 f"The friction of {join_words(list(self.driving))} has negative power, which is"

@@ -150,6 +150,7 @@ def identify_robot(
     run_ids = [item.folder.run_id for item in data]
     findings = [
         *wiring.sentences,
+        *wiring.late_sentences,
         *estimate_findings(estimate, data, weight),
         consistency_words,
         *([] if rounded is None else [rounded.sentence]),
