@@ -226,7 +226,8 @@ class Cell:
 
         def watch(_job: Job, event: AnyEvent) -> None:
             if progress is not None and isinstance(event, ProgressEvent):
-                progress(f"{event.title}: {event.line}", event.done, event.total)
+                step = f"{event.title}: {event.line}" if event.line else event.title
+                progress(step, event.done, event.total)
 
         try:
             result = leased.run(kind, request, cleared=cleared, watch=watch)

@@ -41,7 +41,7 @@ class _Step:
 
     def update(self, done: float, line: str) -> None:
         """Report the amount done to the callback."""
-        self.callback(f"{self.title}: {line}", done, self.total)
+        self.callback(f"{self.title}: {line}" if line else self.title, done, self.total)
 
 
 @dataclass(frozen=True)

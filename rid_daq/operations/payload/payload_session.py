@@ -169,8 +169,11 @@ class PayloadSessionRequest(Request):
         for each in (begun, now):
             found = each.get("limits")
             limits |= found if isinstance(found, dict) else {}
+        kept = {**begun, **now, "limits": limits}
+        if kept.get("model") is None and "despite_misfit" not in now:
+            kept.pop("despite_misfit", None)
         try:
-            return PayloadSessionRequest.of_json({**begun, **now, "limits": limits})
+            return PayloadSessionRequest.of_json(kept)
         except ConfigError as error:
             raise ConfigError(
                 f"--resume {self.resume}: its file is not the file of a payload session: {error};"

@@ -275,9 +275,11 @@ def test_progress_is_reported_and_nothing_is_printed(
 
 
 def test_the_search_for_mistakes_reports_progress(arm: Arm) -> None:
-    done: list[float] = []
-    identify(arm.recording(6, 6.0), progress=lambda _step, amount, _total: done.append(amount))
-    assert done == [0.0, 1.0, 2.0]
+    done: list[tuple[str, float]] = []
+    identify(arm.recording(6, 6.0), progress=lambda step, amount, _: done.append((step, amount)))
+    searched = [amount for step, amount in done if step.startswith("Searching for mistakes")]
+    assert searched == [0.0, 1.0, 2.0]
+    assert "Estimating the parameters" in {step for step, _ in done}
 
 
 def test_a_robot_description_with_other_joints_is_refused(train: Recording, arm: Arm) -> None:

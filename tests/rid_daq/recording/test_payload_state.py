@@ -141,3 +141,5 @@ def test_an_option_given_again_applies_even_with_its_default_value(folder: RunFo
     kept = again.model_copy(update={"limits": usual}).with_original_options(begun.choices)
     assert kept.limits == VerdictLimits(centre_mm=30.0)
     assert (kept.known, kept.repeats) == (begun.known, 3)
+    without = begun.model_copy(update={"model": None})
+    assert again.with_original_options(without.choices).model is None

@@ -165,7 +165,7 @@ def test_until_mass_with_a_time_dependent_model_is_refused(
     what: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(
-        guided_session, "read_torque_model", lambda *_: (model_beyond_mean_period(what), b"")
+        guided_session, "read_torque_model", lambda *_, **__: (model_beyond_mean_period(what), b"")
     )
     request = PayloadSessionRequest(
         cell="ir361",
