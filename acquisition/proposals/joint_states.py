@@ -27,7 +27,8 @@ def propose_joint_states(
     """Propose a map for joint states, whose messages name the joints and use SI units.
 
     The quantity in `effort` is `?`, because the messages do not state it. The recording is imported
-    as if the efforts were torques.
+    as if the efforts were torques. If no topic names all joints of the robot, each of `names` is
+    `?`, and nothing is imported.
 
     Args:
         path: The bag.
@@ -36,7 +37,7 @@ def propose_joint_states(
         robot: The robot.
 
     Raises:
-        ConfigError: The bag cannot be read, or its messages lack efforts or a joint.
+        ConfigError: The bag cannot be read, or its messages lack positions or efforts.
     """
     arm = [topic for topic, names in topics.items() if set(robot.joint_names) <= set(names)]
     topic = next(iter(arm or topics))

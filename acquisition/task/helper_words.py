@@ -104,4 +104,4 @@ class MonitorWords(ctypes.Structure):
         if not self._problems:
             return ""
         times, last = self._problems, self._problem.decode(errors="replace")
-        return f"drives did not report their temperature {times} times; last problem: {last}"
+        return f"problems while reading the drives' temperatures: {times}; last problem: {last}"

@@ -38,8 +38,8 @@ class AxisMechanics:
         damping: B [N m s/rad or N s/m].
         covariance: Shape (2, 2). Covariance of J and B. The misfit is included as an error that all
             lines share. Use it for the margins only, not as a confidence interval of J.
-        misfit: Median over the frequency lines of |1 - measured / fitted| torque per speed. A large
-            value means that the axis is not a single inertia: usually it is elastic.
+        misfit: Median over the frequency lines of |1 - measured / fitted|, both torque per speed. A
+            large value means that the axis is not a single inertia: usually it is elastic or stuck.
         noise: Value that `misfit` would have if noise between the periods were the only error.
     """
 

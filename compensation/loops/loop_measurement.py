@@ -109,7 +109,7 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
         position_gain_per_s: K_v of the position loop for which margins are computed [1/s].
 
     Raises:
-        DataQualityError: There is one realisation, and it has no empty odd lines.
+        DataQualityError: A signal is 0, or there is one realisation and it has no empty odd lines.
         EstimationError: As for `measure_loops`, or a controller contradicts the torque at lines
             without excitation.
     """

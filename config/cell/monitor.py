@@ -43,7 +43,7 @@ class ModbusTcp(ConfigModel):
     Attributes:
         kind: Kind of connection.
         host: Name or address.
-        port: Usually 502; with TLS 802.
+        port: Usually 502; with TLS usually 802, which must be stated.
         tls: Certificates, for Modbus/TCP Security.
     """
 

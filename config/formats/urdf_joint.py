@@ -110,10 +110,10 @@ class JointDynamics:
 
 
 def joint_dynamics(element: XmlElement) -> JointDynamics:
-    """Return the content of `<dynamics>`.
+    """Return friction and rotor inertia from the `<dynamics>` of a joint.
 
     Raises:
-        ConfigError: A value is not a number, or is negative, which would accelerate the joint.
+        ConfigError: There are two `<dynamics>`, or a value is negative or not a number.
     """
     stated = element.one("dynamics")
     if stated is None:

@@ -223,7 +223,7 @@ def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
             socket.create_connection((link.host, link.port), timeout_s).close()
     except (OSError, ValueError, termios.error) as error:  # a SerialException is an OSError
         return str(error)
-    return "a second attempt succeeded; try again"
+    return "the first attempt failed, but a second one succeeded: try again"
 
 
 def _client(

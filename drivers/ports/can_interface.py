@@ -31,7 +31,7 @@ class CanInterface:
 
     @classmethod
     def parse(cls, answer: str) -> CanInterface | None:
-        """Return the interface in a JSON text from ``ip -json``; None if there is no interface."""
+        """Return the interface in a JSON text from ``ip -json``; None if it cannot be read."""
         try:
             (link,) = json.loads(answer)
             data: dict[str, Any] = link.get("linkinfo", {}).get("info_data", {})

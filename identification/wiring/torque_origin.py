@@ -100,7 +100,10 @@ class TorqueJudgement:
         if not self.meanings:
             return f"{residual}, so they do not show their meaning"
         if self.meanings == (GRAVITY_COMPENSATED,):
-            return "a robot without gravity fits as well as one with gravity"
+            return (
+                f"without gravity, the residual of a fit is less than {VISIBLE_TIMES:g} times as"
+                " large as with gravity"
+            )
         if self.residual < COMPUTED_SHARE:
             return f"{residual}, so they contain no noise"
         return self.friction_words

@@ -1,4 +1,4 @@
-"""`split_at_edges`: separate points on both sides of the sharp edges of a mesh."""
+"""`split_at_edges`: gives a mesh separate points on both sides of each sharp edge."""
 
 from __future__ import annotations
 

@@ -52,8 +52,8 @@ class VerdictEvent(_Event):
 class ResultEvent(_Event):
     """Result of an operation.
 
-    The cells of tables are texts. Plots are left out, because the run's report contains them.
-    Pictures are their captions.
+    The cells of tables are texts. Plots are left out, because the run's report contains them. A
+    text with the caption replaces each picture.
 
     Attributes:
         document: Values for programs.

@@ -50,7 +50,7 @@ def certified_session(
         runs: Folder of all runs.
         label: Label of the session.
         simulated: True if the cell file declares a simulated cell.
-        mass_percent: Limit of two standard deviations of the mass in the verdict.
+        mass_percent: Limit of two standard deviations of the mass in the verdict [% of the mass].
     """
     loaded = load_cell("kr15")
     folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})

@@ -38,7 +38,7 @@ class LoggedArm:
     def at(self, true_s: FloatArray, stamps: FloatArray, seed: int = 0) -> Samples:
         """Return samples at the true times with the given time stamps.
 
-        Rows with the same true time are equal.
+        Rows with the same true time differ in their time stamps only.
 
         Positions have the steps of a 19-bit encoder; velocities and torques are noisy.
         """

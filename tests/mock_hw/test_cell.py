@@ -184,7 +184,7 @@ def stopped(axes: AxisSnapshot) -> bool:
 
 
 def watch(observer: HubClient, seconds: float) -> list[WireFrame]:
-    """Return the frames within a duration of the wall clock."""
+    """Return the frames that arrive within some seconds of real time."""
     frames: list[WireFrame] = []
     until_ns = time.monotonic_ns() + round(seconds * 1e9)
     while time.monotonic_ns() < until_ns:

@@ -86,7 +86,7 @@ class PayloadPlant:
 
 
 def six_axes(**update: object) -> RobotDescription:
-    """Return the UR10e with a coupled wrist and a flange off its last axis."""
+    """Return the UR10e with a coupled wrist and a shifted, tilted flange."""
     robot = load_robot("ur10e")
     joints = tuple(
         joint.model_copy(update={"friction": ("coulomb", "viscous"), "rotor": None})

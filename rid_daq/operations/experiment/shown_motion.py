@@ -1,4 +1,4 @@
-"""JSON document and blocks of a designed motion."""
+"""JSON document and display blocks of a designed motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`ExportedTorques`: torques of a written robot description, compared with those of its model."""
+"""`ExportedTorques`: torques of an exported robot description, compared with its model."""
 
 from __future__ import annotations
 

@@ -29,8 +29,8 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
     )
     if section.memory is not None and any(d is not None for d in section.memory.distance):
         yield Text(
-            text="Friction with presliding, compared on all samples including standstill"
-            " and reversal:"
+            text="RMS error without and with presliding, on all left-out samples, including"
+            " standstill and reversal:"
         )
         yield _presliding(section.memory, section.joints)
     for trial in (section.warming, section.channel):

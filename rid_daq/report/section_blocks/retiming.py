@@ -20,7 +20,7 @@ def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
     yield Text(text=section.sentence)
     made = f"Computed from {section.motion} and {section.model}"
     cycle_ms, averaged_ms = 1e3 * section.cycle_s, 1e3 * section.averaged_s
-    times = f"cycles of {cycle_ms:.3g} ms; averaged over {averaged_ms:.3g} ms"
+    times = f"cycles of {cycle_ms:.3g} ms; smoothed by averages over at most {averaged_ms:.3g} ms"
     free = f"; {100.0 * section.margin:.2g} % of each torque and base wrench limit are kept free"
     yield Text(text=f"{made} for {times}{free if section.margin else ''}.", is_note=True)
     yield _joint_table(section)

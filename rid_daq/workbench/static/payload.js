@@ -173,7 +173,7 @@ function doubtMass() {
   const flange = /** @type {HTMLSelectElement | null} */ (find("payload"));
   const isNothing = flange && flange.options.length > 1 && !flange.value && find("mass").value.trim();
   const empty = isNothing ? "The simulated flange carries nothing: choose a payload, or leave this field empty." : "";
-  doubtField(find("mass"), tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : empty);
+  doubtField(find("mass"), tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass, or set rated_payload_kg in the robot file.` : empty);
 }
 find("mass").addEventListener("input", doubtMass);
 find("payload")?.addEventListener("change", doubtMass);
@@ -241,7 +241,7 @@ function goOn({ run, label, state, choices: settings }) {
   resumed.shown = { ...request() };
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
   if (choices.until_mass_kg !== null) more.push(`A run with the payload ends as soon as 2σ of the mass is at most ${choices.until_mass_kg} kg.`);
-  find("going-on").textContent = [`Session ${label} will be resumed with these values, with which it was started. Correct them if necessary.`, ...more].join(" ");
+  find("going-on").textContent = [`Session ${label} will be resumed with these values, with which it was last started or resumed. Correct them if necessary.`, ...more].join(" ");
   for (const id of /** @type {const} */ (["going-on", "anew"])) find(id).hidden = false;
   find("begin").textContent = `Resume ${label}`;
   find("lengths").open = true;

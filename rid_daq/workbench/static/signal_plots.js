@@ -44,8 +44,8 @@ export function chartsOf(joints, hasMonitor) {
 export const lineOf = (joint) => ({ colour: `--line-${1 + (joint % COLOURS)}`, dash: joint < COLOURS ? [] : DASH });
 
 export class SignalPlots {
-  // `zoomed(from, to)` is called when the user has selected a part of the time axis, `pointed(time)` when the cursor
-  // has moved (null: it has left the chart).
+  // `zoomed(from, to)` is called when the user has chosen another time range by dragging or with two fingers,
+  // `pointed(time)` when the cursor has moved (null: it is hidden).
   /** @param {HTMLElement} place @param {SignalChart[]} charts @param {SignalJoint[]} joints @param {{ zoomed: (from: number, to: number) => void, pointed: (time: number | null) => void }} listeners */
   constructor(place, charts, joints, { zoomed, pointed }) {
     this.place = place;

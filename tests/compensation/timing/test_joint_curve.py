@@ -95,7 +95,7 @@ def test_a_motion_without_travel_is_refused() -> None:
 
 
 def spiral(turns: float, rows: int) -> MotionSamples:
-    """Return a motion from rest to rest: turns of joints 1 and 2 while joint 3 advances."""
+    """Return a motion from rest to rest: circles of joints 1 and 2 while joint 3 advances."""
     share = np.linspace(0.0, 1.0, rows)
     place = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     angle = 2.0 * np.pi * turns * place

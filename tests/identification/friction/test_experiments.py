@@ -33,7 +33,7 @@ NOISE_NM = 0.5
 
 
 def stribeck(v: np.ndarray) -> np.ndarray:
-    """Return Stribeck friction that is larger in the positive direction (2.10)."""
+    """Return Stribeck friction (equation 2.10 of the thesis) plus an offset of 1.5 N m."""
     size = 20.0 + 6.0 * np.exp(-np.abs(v) / 0.08) + 15.0 * np.abs(v)
     return np.sign(v) * size + 1.5
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> ForeignFiles:
-    """Return CSV files of a recorded run, which is also imported with a correct map as `csv`."""
+    """Return the CSV files of a recorded run; a correct map has imported them as run `csv`."""
     work = Workplace(tmp_path_factory.mktemp("foreign"), "ir361")
     work.excitation("excitation", 1, 4)
     work.record("excitation", "recorded")

@@ -335,7 +335,7 @@ class TestMissingTemperatures:
         _, runs = session
         (first, folder), (second, _) = runs
         assert first.complete
-        assert any("did not report their temperature 1 times" in note for note in first.notes)
+        assert any("temperatures: 1; last problem" in note for note in first.notes)
         assert second.notes == ()
         stream = read_monitor(folder.file(MONITOR))
         assert not stream.valid[0, 4]

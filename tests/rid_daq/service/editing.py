@@ -17,7 +17,7 @@ from rid_daq.service.service import CellService
 
 
 def write_cell(folder: Path) -> None:
-    """Write the cell file of the bundled cell, and its robot file with another name."""
+    """Write the files of the bundled cell ir361, with its robot file as `arm.yaml`."""
     files = load_cell("ir361").files
     cell = files["cell.yaml"].replace(b"robot: ir361", b"robot: arm.yaml")
     (folder / "cell.yaml").write_bytes(cell)

@@ -1,4 +1,4 @@
-"""The drawn robot is where Pinocchio computes it, and a mistake in a file changes the picture."""
+"""The robot is drawn where Pinocchio places it; a wrong sign, gravity or tool frame shows."""
 
 from __future__ import annotations
 
