@@ -44,6 +44,9 @@ FACTOR_STEP: Final = 0.01
 """Accuracy of a factor that is named in a finding, relative."""
 
 CLOCKS: Final = (0.5, 2.0)
+DELAYS_S: Final = (0.02, 0.04, 0.08, 0.15)
+NEAR_TIMES: Final = 2.0
+"""Largest ratio of a delay of `DELAYS_S` and a delay that is tried afterwards."""
 ABOUT: Final = 1e-6
 FITTED_RATIO: Final = 0.97
 HELD_OUT_RATIO: Final = 0.94
@@ -102,11 +105,20 @@ def find_fine_mistake(signals: WiredSignals) -> FineMistake | None:
     found.sort(key=lambda each: each[0])
     ratio, best, explains = found[0]
     near = tuple(mistake for other, mistake, _ in found[1:] if other - ratio < AS_GOOD * ratio)
-    return FineMistake(_refine_factor(best, signals, stated), near[:2], ratio, explains)
+    return FineMistake(_refine(best, signals, stated), near[:2], ratio, explains)
 
 
-def _refine_factor(mistake: Mistake, signals: WiredSignals, stated: FlexibleFit) -> Mistake:
-    """Return the mistake; the best factor of a joint replaces the factor from the list."""
+def _refine(mistake: Mistake, signals: WiredSignals, stated: FlexibleFit) -> Mistake:
+    """Return the mistake; the best factor or delay replaces that from the list."""
+    n = len(signals.robot.joints)
+
+    def error(other: Mistake) -> float:
+        return float(stated.fit_other(other.correct(signals), other.torque).held_out.sum())
+
+    if mistake.delay_s:
+        ratios = [(each, each / mistake.delay_s) for each in tried_delays_s()]
+        near = [each for each, ratio in ratios if 1.0 / NEAR_TIMES <= ratio <= NEAR_TIMES]
+        return min((late_torques(n, (), each) for each in near), key=error)
     makers = {
         MistakeKind.TORQUE_FACTOR: torque_factor,
         MistakeKind.POSITION_FACTOR: _gear_factor if mistake.what else position_factor,
@@ -114,11 +126,10 @@ def _refine_factor(mistake: Mistake, signals: WiredSignals, stated: FlexibleFit)
     make = makers.get(mistake.kind)
     if make is None:
         return mistake
-    n, (joint,) = len(signals.robot.joints), mistake.joints
+    (joint,) = mistake.joints
 
     def cost(logarithm: float) -> float:
-        other = make(n, joint, math.exp(logarithm))
-        return float(stated.fit_other(other.correct(signals), other.torque).held_out.sum())
+        return error(make(n, joint, math.exp(logarithm)))
 
     middle = math.log(mistake.factor)
     best = math.exp(golden_section(cost, middle - NEAR, middle + NEAR, FACTOR_STEP))
@@ -149,8 +160,9 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield order_mistake(MistakeKind.AXIS_ORDER, (j, j + 1), order)
     for clock in CLOCKS:
         yield replace(scale_mistake(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
-    for delay_s in tried_delays_s():
+    for delay_s in DELAYS_S:
         yield late_torques(n, (), delay_s)
+        yield late_torques(n, (), -delay_s)
 
 
 def _gear_factor(n: int, j: int, factor: float) -> Mistake:
