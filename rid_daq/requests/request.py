@@ -87,6 +87,8 @@ class Request(BaseModel):
     @model_validator(mode="after")
     def _refuse_without_effect(self) -> Self:
         for name in self.model_fields_set:
+            if getattr(self, name) is False:
+                continue  # a switch that is off is as good as left out
             option = option_of(type(self).model_fields[name])
             without = [each for each in (option.needs,) if each and not getattr(self, each)]
             for other in [*without, *filter(self.__getattribute__, option.unused_with)]:

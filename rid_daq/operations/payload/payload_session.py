@@ -169,11 +169,8 @@ class PayloadSessionRequest(Request):
         for each in (begun, now):
             found = each.get("limits")
             limits |= found if isinstance(found, dict) else {}
-        kept = {**begun, **now, "limits": limits}
-        if kept.get("model") is None and "despite_misfit" not in now:
-            kept.pop("despite_misfit", None)
         try:
-            return PayloadSessionRequest.of_json(kept)
+            return PayloadSessionRequest.of_json({**begun, **now, "limits": limits})
         except ConfigError as error:
             raise ConfigError(
                 f"--resume {self.resume}: its file is not the file of a payload session: {error};"
