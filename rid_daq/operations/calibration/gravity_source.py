@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from config.arrays import FloatArray
@@ -11,28 +9,25 @@ from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from identification.kinematics.gravity import Gravity
+from rid_daq.operations.calibration.calibrate_kinematics import CalibrateKinematicsRequest
+from rid_daq.operations.calibration.calibrate_poses import CalibratePosesRequest
 from rid_daq.operations.cell_files import read_estimate_for, rejection_notes
 from rid_daq.operations.stated_payload import state_payload
 
 
 def read_gravity(
+    request: CalibrateKinematicsRequest | CalibratePosesRequest,
     robot: RobotDescription,
-    model: Path | None,
-    payload: str | None,
-    runs: Path,
-    load_centre_m: FloatArray,
-    *,
-    despite_misfit: bool,
+    point_m: FloatArray,
 ) -> tuple[Gravity | None, list[str]]:
     """Return the torques of gravity, None if they are unknown, and notes on their origin.
 
     Args:
+        request: States the model (`cad` of the robot file without one), what the robot carries, and
+            the centre of gravity of the known loads.
         robot: The robot.
-        model: Model file of `identify`; `cad` of the robot file if None.
-        payload: What the robot carries besides known loads, as in `state_payload`.
-        runs: Folder of the run folders.
-        load_centre_m: Shape (3,). Centre of gravity of the known loads in the last link's frame.
-        despite_misfit: True if a model that `identify` rejected is accepted.
+        point_m: Shape (3,). The measured point in the last link's frame; the centre of the known
+            loads if none is stated.
 
     Raises:
         ConfigError: The model cannot be read, is of another robot, or its payload is not stated.
@@ -40,9 +35,11 @@ def read_gravity(
             `identify` rejected the model.
         RecordingError: The model or the payload is in a damaged run, or not of its run.
     """
+    load_centre_m = point_m if request.load_centre is None else np.array(request.load_centre)
+    model = request.model
     if model is not None:
-        estimate = read_estimate_for(model, robot, despite_misfit=despite_misfit)
-        estimate = state_payload(estimate, model, payload, runs).estimate
+        estimate = read_estimate_for(model, robot, despite_misfit=request.despite_misfit)
+        estimate = state_payload(estimate, model, request.payload, request.runs).estimate
         return Gravity.of_estimate(estimate, load_centre_m), rejection_notes(model, estimate)
     try:
         return Gravity.of_cad(robot, load_centre_m), [

@@ -162,15 +162,7 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
         check = read_measured_poses(request.check, robot)
         _refuse_shared_rows(poses, check)
     point = stated_point(robot, request.point)
-    centre = point if request.load_centre is None else np.array(request.load_centre)
-    gravity, notes = read_gravity(
-        robot,
-        request.model,
-        request.payload,
-        request.runs,
-        centre,
-        despite_misfit=request.despite_misfit,
-    )
+    gravity, notes = read_gravity(request, robot, point)
     notes += _left_out_notes(poses, check)
     if len(poses) < len(read):
         notes.append(

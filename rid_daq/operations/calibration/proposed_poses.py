@@ -67,15 +67,7 @@ def propose_poses(request: CalibratePosesRequest) -> ProposedPoses:
         refuse_output(path, request.overwrite, made)
     robot = load_robot(request.robot)
     point = stated_point(robot, request.point)
-    centre = point if request.load_centre is None else np.array(request.load_centre)
-    gravity, notes = read_gravity(
-        robot,
-        request.model,
-        request.payload,
-        request.runs,
-        centre,
-        despite_misfit=request.despite_misfit,
-    )
+    gravity, notes = read_gravity(request, robot, point)
     clearances = Clearances.of(robot, _workspace(request, robot))
     if not robot.bodies:
         notes.append(
