@@ -80,7 +80,7 @@ def find_missing_effects(
         late = find_late_torques(estimate.robot, equations, limit_s, channel, compare=compare)
     clipped_joints = tuple(each.joint for each in clipped)
     late = tuple(each for each in late if each.joint not in clipped_joints)
-    findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
+    findings, payloads = _drifts_and_payloads(estimate, data, how, stretches, wiring)
     if comparison is None:
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
@@ -94,7 +94,7 @@ def find_missing_effects(
         tuple(findings),
         tuple(each.joint for each in late if each.is_long),
         clipped_joints,
-        () if wiring.mistakes else _unstated_payloads(estimate, data, how, stretches),
+        payloads,
     )
 
 
@@ -126,51 +126,37 @@ def _coarse_torques(data: Sequence[RunData]) -> set[str]:
     }
 
 
-def _unstated_payloads(
+def _drifts_and_payloads(
     estimate: Estimate,
     data: Sequence[RunData],
     how: EstimationJob,
     stretches: Sequence[Sequence[SmoothedSignals]],
-) -> tuple[str, ...]:
-    """Return a sentence on a run with a payload that is not stated; empty without one."""
-    found = find_unstated_payload(
-        estimate.robot,
-        _numbered(estimate, stretches),
-        replace(how.options, model=estimate.options),
-    )
-    return () if found is None else (found.sentence(data[found.run].folder.run_id),)
+    wiring: WiringDiagnosis,
+) -> tuple[list[str], tuple[str, ...]]:
+    """Return a finding for each torque that drifts, and one for a payload that is not stated.
 
-
-def _numbered(
-    estimate: Estimate, stretches: Sequence[Sequence[SmoothedSignals]]
-) -> list[tuple[int, SmoothedSignals]]:
-    """Return thinned signals with the numbers of their runs."""
-    return [
-        (number, thin_rows(replace(run, channel=estimate.channel)))
-        for number, own in enumerate(stretches)
-        for run in own
-    ]
-
-
-def _drift_findings(
-    estimate: Estimate,
-    data: Sequence[RunData],
-    how: EstimationJob,
-    stretches: Sequence[Sequence[SmoothedSignals]],
-) -> list[str]:
-    """Return a finding for each torque that drifts.
-
-    There are none if the model contains warming, or if parts of the runs do not determine it.
+    There are none if parts of the runs do not determine the parameters. Torques of a model with
+    warming and of periodic runs are not examined for drift. Runs with mistakes, and a single run,
+    are not examined for payloads.
     """
-    if estimate.warming is not None:
-        return []
-    runs = _numbered(estimate, stretches)
+    can_drift = not data[0].is_periodic and estimate.warming is None
+    can_be_loaded = len(data) > 1 and not wiring.mistakes
+    if not (can_drift or can_be_loaded):
+        return [], ()
+    numbers = [number for number, own in enumerate(stretches) for _ in own]
+    runs = [thin_rows(replace(run, channel=estimate.channel)) for own in stretches for run in own]
     options = replace(how.options, model=estimate.options)
     try:
-        fitted = fit_smoothed(estimate.robot, [run for _, run in runs], options)
+        fitted = fit_smoothed(estimate.robot, runs, options)
     except EstimationError:  # stretches of a long recording do not determine the parameters
-        return []
-    if fitted.base.names != estimate.base.names:
-        return []
-    drifts = find_torque_drifts(fitted, estimate.sigma, [number for number, _ in runs])
-    return [f"Run {data[each.recording].folder.run_id}: {each.sentence}." for each in drifts]
+        return [], ()
+    ids = [item.folder.run_id for item in data]
+    drifts: list[str] = []
+    payloads: tuple[str, ...] = ()
+    if can_drift and fitted.base.names == estimate.base.names:
+        found = find_torque_drifts(fitted, estimate.sigma, numbers)
+        drifts = [f"Run {ids[each.recording]}: {each.sentence}." for each in found]
+    if can_be_loaded:
+        loaded = find_unstated_payload(estimate.robot, runs, numbers, options, fitted)
+        payloads = () if loaded is None else (loaded.sentence(ids[loaded.run]),)
+    return drifts, payloads

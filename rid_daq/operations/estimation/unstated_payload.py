@@ -48,36 +48,38 @@ class UnstatedPayload:
 
 def find_unstated_payload(
     robot: RobotDescription,
-    runs: Sequence[tuple[int, SmoothedSignals]],
+    signals: Sequence[SmoothedSignals],
+    numbers: Sequence[int],
     options: EstimationOptions,
+    plain: FittedSignals,
 ) -> UnstatedPayload | None:
     """Return the run that is best explained by another payload; None if there is none.
 
+    It is also None if the signals do not determine the parameters together with a payload.
+
     Args:
         robot: The robot.
-        runs: Signals with the number of their run.
+        signals: Signals of at least two runs.
+        numbers: Number of the run of each signal.
         options: Options of the estimate, without payload.
+        plain: Fit to the signals with these options.
     """
-    numbers = sorted({number for number, _ in runs})
-    if len(numbers) < 2:
-        return None
-    signals = [each for _, each in runs]
     loaded = replace(options, model=replace(options.model, payload=True))
     found: list[tuple[float, UnstatedPayload]] = []
-    try:
-        plain = _squared_residual(fit_smoothed(robot, signals, options))
-        for number in numbers:
-            flags = [each == number for each, _ in runs]
+    different = sorted(set(numbers))
+    for number in different:
+        flags = [each == number for each in numbers]
+        try:
             fitted = fit_smoothed(robot, signals, loaded, payload=flags)
-            if MASS in fitted.base.names:
-                place = fitted.base.names.index(MASS)
-                mass, sigma = float(fitted.values[place]), float(fitted.sigma[place])
-                share = _squared_residual(fitted) / plain
-                if abs(mass) > CERTAIN * sigma and share < LARGEST_SHARE:
-                    found.append((share, UnstatedPayload(number, mass, sigma)))
-    except EstimationError:  # stretches of long recordings do not determine the parameters
-        return None
-    if len(numbers) == 2:  # more in one run and less in the other are the same
+        except EstimationError:
+            return None
+        if MASS in fitted.base.names:
+            place = fitted.base.names.index(MASS)
+            mass, sigma = float(fitted.values[place]), float(fitted.sigma[place])
+            share = _squared_residual(fitted) / _squared_residual(plain)
+            if abs(mass) > CERTAIN * sigma and share < LARGEST_SHARE:
+                found.append((share, UnstatedPayload(number, mass, sigma)))
+    if len(different) == 2:  # more in one run and less in the other are the same
         found = [each for each in found if each[1].mass_kg > 0.0]
     return min(found, key=lambda each: each[0], default=(0.0, None))[1]
 
