@@ -37,7 +37,7 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
 )
-from rid_daq.operations.cell_files import read_estimate_for
+from rid_daq.operations.cell_files import read_estimate_for, rejection_notes
 from rid_daq.operations.identify.sensitivity import SensitivityRequest
 from rid_daq.operations.operation import Context
 from rid_daq.runs import made_file
@@ -86,7 +86,7 @@ def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensit
             "--draws 1: one draw has no scatter; give 0, or at least 2", code="RID-OPTION-RANGE"
         )
     refuse_output(request.output, request.overwrite, made_file.TABLE)
-    problems = _sensitivity_problems(load_cell(request.cell), request)
+    problems = _sensitivity_problems(load_cell(request.cell), request, context)
     problem = problems["wrist"]
     share = request.share_percent / 100.0
     cases = thesis_cases(len(problem.robot.joints), share, request.bias_nm)
@@ -130,13 +130,15 @@ def _draw_payloads(
 
 
 def _sensitivity_problems(
-    cell: LoadedCell, request: SensitivityRequest
+    cell: LoadedCell, request: SensitivityRequest, context: Context
 ) -> dict[Motion, SensitivityProblem]:
     robot, model = cell.robot, request.model
     terms = RobotModel.from_description(robot)
     n = len(robot.joints)
     if model is not None:
         estimate = read_estimate_for(model, robot, despite_misfit=request.despite_misfit)
+        for note in rejection_notes(model, estimate):
+            context.say(f"note: {note}")
         model_terms = estimate.model
         if (model_terms.parameter_names, model_terms.nonlinear_names) != (
             terms.parameter_names,
