@@ -123,9 +123,9 @@ async function check() {
   show();
   try {
     const query = chosenRuns().map((name) => `run=${encodeURIComponent(name)}`).join("&");
-    const told = await look(`${CELL}/identify/check?${query}`, { signal });
+    const answer = await look(`${CELL}/identify/check?${query}`, { signal });
     if (signal.aborted) return;
-    checked = told;
+    checked = answer;
   } catch (error) {
     if (signal.aborted) return;
     checked = { data: [{ passed: false, text: error.message }], model: [], parameters: 0, friction: {} };

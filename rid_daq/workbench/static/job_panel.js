@@ -85,11 +85,11 @@ export class JobPanel {
     }
   }
 
-  /** @type {(kind: string, error: Error & { isShown?: boolean, told?: string }) => void} */
+  /** @type {(kind: string, error: Error & { isShown?: boolean, original?: string }) => void} */
   refuse(kind, error) {
     if (error.isShown) return; // at its field
     this.job = null;
-    this.refusal = { kind, text: error.told ?? error.message };
+    this.refusal = { kind, text: error.original ?? error.message };
     this.draw();
     this.section.scrollIntoView({ block: "nearest" });
   }
@@ -163,8 +163,8 @@ export class JobPanel {
     view.end = { kind, words: `${kindWords(job.kind)}: ${word}` };
     const isShown = job.state === "failed" && view.isFailureShown;
     const reason = isShown ? "" : job.reason;
-    const told = reason.startsWith(word) ? reason : [word, reason].filter(Boolean).join(": ");
-    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${linked(told)}</p>`);
+    const ending = reason.startsWith(word) ? reason : [word, reason].filter(Boolean).join(": ");
+    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${linked(ending)}</p>`);
     const ended = withResult(job, view.document);
     view.links = [...this.next(ended)];
     if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Open the run</a>`);

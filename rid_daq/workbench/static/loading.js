@@ -5,8 +5,8 @@ import { html, render } from "./lit.js";
 /** @type {(what: string) => Part} */
 export const loadingPart = (what) => html`<p class="soft" role="status">Loading the ${what} …</p>`;
 
-/** @type {(error: Error & { told?: string }) => Part} */
-export const problemOf = (error) => html`<p class="problem">${linked(error.told ?? error.message)}</p>`;
+/** @type {(error: Error & { original?: string }) => Part} */
+export const problemOf = (error) => html`<p class="problem">${linked(error.original ?? error.message)}</p>`;
 
 // Return an error with a button that calls `again`.
 /** @type {(error: Error, again: () => unknown) => Part} */

@@ -8,9 +8,9 @@ const [code, words, again] = ["code", "words", "again"].map((id) => /** @type {H
 async function post(path, body) {
   const signal = AbortSignal.timeout(5000);
   const answer = await fetch(`/api/v1/pairing${path}`, { method: "POST", headers: HEADERS, body: JSON.stringify(body), signal });
-  const told = await answer.json();
-  if (!answer.ok) throw new Error(told.message);
-  return told;
+  const content = await answer.json();
+  if (!answer.ok) throw new Error(content.message);
+  return content;
 }
 
 async function begin() {

@@ -5,12 +5,12 @@ export const LIST_MS = 60000; // timeout of lists: after its start, the service 
 const AT_ONCE = 3; // a browser opens at most six connections; STOP and the heartbeat need the other three
 
 // A request that was refused or not answered; `message` is a sentence for the user in the words of the page, and
-// `told` the same sentence as the service wrote it.
+// `original` the same sentence as the service wrote it.
 export class Refusal extends Error {
-  /** @param {string} kind @param {string} told @param {number} status */
-  constructor(kind, told, status) {
-    super(inPageWords(told));
-    this.told = told;
+  /** @param {string} kind @param {string} original @param {number} status */
+  constructor(kind, original, status) {
+    super(inPageWords(original));
+    this.original = original;
     this.kind = kind;
     this.status = status;
   }
@@ -69,8 +69,8 @@ export function post(url, document, options) {
 /** @type {(answer: Response, text: string) => Refusal} */
 function refusalOf(answer, text) {
   try {
-    const told = JSON.parse(text);
-    if (told.message) return new Refusal(told.error, told.message, answer.status);
+    const refusal = JSON.parse(text);
+    if (refusal.message) return new Refusal(refusal.error, refusal.message, answer.status);
   } catch {
     // the answer has no message if the web server answered instead of the service
   }

@@ -211,15 +211,15 @@ export async function go(address) {
 // Say that this page stays open, because the service does not answer.
 export const stay = () => tell("stay");
 
-/** @type {(told: ServiceMessage) => void} */
-function dispatch(told) {
-  if (told.type === "cell" && told.cell.cell === page.cell) setStatus(told.cell);
-  if (told.type === "job" && told.job.cell === page.cell) tell("job", told.job);
-  if (told.type === "event") tell("event", told.job, told.event, told.number);
-  if (told.type === "challenge") keys.challenge(told);
-  if (told.type === "event" && told.event.kind === "key_refused") tell("key", told.job, told.event.text);
-  if (told.type === "stopped") document.dispatchEvent(new CustomEvent("stop-answered", { detail: told }));
-  if (told.type === "samples" && told.cell === page.cell) tell("samples", told.picture, told.job);
+/** @type {(message: ServiceMessage) => void} */
+function dispatch(message) {
+  if (message.type === "cell" && message.cell.cell === page.cell) setStatus(message.cell);
+  if (message.type === "job" && message.job.cell === page.cell) tell("job", message.job);
+  if (message.type === "event") tell("event", message.job, message.event, message.number);
+  if (message.type === "challenge") keys.challenge(message);
+  if (message.type === "event" && message.event.kind === "key_refused") tell("key", message.job, message.event.text);
+  if (message.type === "stopped") document.dispatchEvent(new CustomEvent("stop-answered", { detail: message }));
+  if (message.type === "samples" && message.cell === page.cell) tell("samples", message.picture, message.job);
 }
 
 export function begin() {
