@@ -70,7 +70,7 @@ class PositionCounter:
 
     def nearest(self, counts: int, to: int) -> int:
         """Return the unwrapped position nearest to `to` that the drive shows as `counts`."""
-        size = self.highest - self.lowest + 1
+        size = self.size
         half = size // 2
         return (counts - to + half) % size - half + to
 
