@@ -88,7 +88,7 @@ def find_missing_effects(
     findings += [each.sentence for each in clipped]
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
-    if comparison is None and can_show_channel and not wiring.late_s:
+    if comparison is None and can_show_channel and not wiring.are_all_late:
         findings += channel_findings(estimate.robot, coarse, options, named)
     return MissingEffects(
         tuple(findings),

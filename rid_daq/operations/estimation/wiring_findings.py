@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from identification.wiring.file_entries import UnconfirmedEntry
+from identification.wiring.mistakes import MistakeKind
 from identification.wiring.moved_mass import MovedMass
 from identification.wiring.weight import ArmWeight
 from rid_daq.report.mistake_entry import MistakeEntry, join_words
@@ -35,6 +36,12 @@ class WiringDiagnosis:
     masses: tuple[MovedMass, ...] = ()
     unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
     late_s: float = 0.0
+
+    @property
+    def are_all_late(self) -> bool:
+        """True if all torques are late or early, whether a bus can explain it or not."""
+        kinds = {each.kind for each in self.mistakes or ()}
+        return bool(self.late_s) or MistakeKind.TORQUE_TIME in kinds
 
     @property
     def late_sentences(self) -> tuple[str, ...]:

@@ -114,6 +114,7 @@ def test_late_torques_are_named_or_reported_if_a_bus_can_explain_the_delay(
     assert code == 6
     (mistake,) = document["estimate"]["mistakes"]
     assert (mistake["kind"], mistake["factor"]) == ("time of torques", 0.06)
+    assert not any("bus can explain" in each for each in document["estimate"]["findings"])
 
 
 def test_a_short_recording_gives_wide_intervals_and_a_finding(
